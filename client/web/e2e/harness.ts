@@ -66,9 +66,11 @@ fixed = [`,
 export class Server {
   readonly port: number;
   private process: ChildProcess | undefined;
+  private readonly settings: string[];
 
-  constructor(port: number) {
+  constructor(port: number, settings: string[] = []) {
     this.port = port;
+    this.settings = settings;
   }
 
   get address(): string {
@@ -81,8 +83,8 @@ export class Server {
 
   async start(): Promise<void> {
     // A browser that draws without a graphics card may be busy for longer than a hand holds still.
-    const lease = ["--set", "session.lease_s=30"];
-    const args = ["serve", "--listen", `127.0.0.1:${this.port}`, "--log-filter", "error", ...lease];
+    const settings = ["session.lease_s=30", ...this.settings].flatMap((setting) => ["--set", setting]);
+    const args = ["serve", "--listen", `127.0.0.1:${this.port}`, "--log-filter", "error", ...settings];
     this.process = spawn(BINARY, args, { stdio: ["ignore", "inherit", "inherit"] });
     for (;;) {
       try {

@@ -1,6 +1,8 @@
 // The viewer in a real browser, against a real server.
 
-import { readFile } from "node:fs/promises";
+import { mkdtemp, readFile, rm } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import type { Page } from "playwright-core";
 import { afterEach, expect, test } from "vitest";
 import { SceneText } from "../src/scene-text";
@@ -227,6 +229,27 @@ test("a session that a restart lost is begun again", async () => {
   await page.click("button:has-text('Begin it again')");
   await live(page);
   await readingWhere(page, "Time", (timeS) => timeS > 0);
+});
+
+test("a viewer of a server that was killed goes on by itself once there is another", async () => {
+  const folder = await mkdtemp(join(tmpdir(), "kerf-journals-"));
+  const journaled = new Server(await freePort(), [`journal_dir=${folder}`]);
+  try {
+    await journaled.start();
+    const { page } = await open(browser, `${journaled.address}/?session=${await journaled.create(BAR)}`);
+    await live(page);
+    await readingWhere(page, "Time", (timeS) => timeS > 1);
+    await journaled.stop();
+    await page.waitForSelector('.connection[data-phase="lost"]');
+    await journaled.start();
+    const began = performance.now();
+    await live(page);
+    console.log(`the viewer is back ${((performance.now() - began) / 1000).toFixed(1)} s after the server answers`);
+    await readingWhere(page, "Time", (timeS) => timeS > 1);
+  } finally {
+    await journaled.stop();
+    await rm(folder, { recursive: true });
+  }
 });
 
 test("a browser that cannot draw is told so, in words", async () => {

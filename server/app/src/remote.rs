@@ -218,13 +218,16 @@ async fn ask(wire: Wire, access: &Access, action: Action) -> Result<Vec<String>,
     Ok(match action {
         Action::Health(wanted) => is_healthy(wire, &wanted).await?,
         Action::List => {
-            let sessions = client.list_sessions(v1::ListSessionsRequest {}).await.map(Response::into_inner)?.sessions;
+            let v1::ListSessionsResponse { sessions, server, .. } =
+                client.list_sessions(v1::ListSessionsRequest {}).await.map(Response::into_inner)?;
+            let expected = server.map_or(0, |server| server.expected_sessions);
+            let more = (expected > 0).then(|| format!("{expected} more of the server before are not back yet"));
             let line = |session: v1::SessionInfo| {
                 let state = session.state().as_str_name().trim_start_matches("SESSION_STATE_").to_lowercase();
                 let kind = if session.is_replay { "  replay" } else { "" };
                 format!("{}  {}  {state}{kind}", session.session_id, session.scene_name)
             };
-            sessions.into_iter().map(line).collect()
+            sessions.into_iter().map(line).chain(more).collect()
         }
         Action::Save(Checkpoint { session: session_id, name }) => {
             let request = v1::SaveCheckpointRequest { session_id, name: name.clone() };

@@ -142,7 +142,8 @@ impl Server {
         let security = Arc::new(Security::begin(&config, address)?);
         let recordings = Arc::new(Recordings::new(&config));
         let journals = Arc::new(Journals::new(&config)?);
-        journals.bring_back(&registry, &recordings).await?;
+        let left = journals.left()?;
+        registry.expect(left.ids());
         let (traffic, refusals) = (Arc::<Traffic>::default(), Arc::<Refusals>::default());
         let watched = Sources {
             registry: Arc::clone(&registry),
@@ -162,9 +163,15 @@ impl Server {
             .serve_with_incoming_shutdown(connections, async { drop(stopped.await) });
         tracing::info!(%address, "listening");
         let transport = tokio::spawn(serving);
+        let coming_back = {
+            let (registry, recordings, journals) =
+                (Arc::clone(&registry), Arc::clone(&recordings), Arc::clone(&journals));
+            // Those that are back are there for their clients while others are still being built.
+            tokio::spawn(async move { journals.bring_back(left, &registry, &recordings).await })
+        };
         let records = (Arc::clone(&recordings), Arc::clone(&journals));
         let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config), records));
-        let mut keepers = vec![idle, tokio::spawn(watchdog::watch(Arc::clone(&registry), health.clone()))];
+        let mut keepers = vec![coming_back, idle, tokio::spawn(watchdog::watch(Arc::clone(&registry), health.clone()))];
         if config.traces.endpoint.is_some() {
             keepers.push(tokio::spawn(late_steps::watch(Arc::clone(&registry))));
         }

@@ -428,7 +428,7 @@ impl RequestError {
     }
 }
 
-fn session_code(error: &SessionError) -> Code {
+pub(crate) fn session_code(error: &SessionError) -> Code {
     match error {
         SessionError::TooManySessions { .. }
         | SessionError::Memory { .. }
@@ -440,7 +440,7 @@ fn session_code(error: &SessionError) -> Code {
         | SessionError::TooManyCheckpoints { .. }
         | SessionError::NoThread { .. } => Code::ResourceExhausted,
         SessionError::Here { .. } => Code::AlreadyExists,
-        SessionError::Leaving => Code::Unavailable,
+        SessionError::ComesBack { .. } | SessionError::Leaving => Code::Unavailable,
         SessionError::NoSession { .. }
         | SessionError::Moved { .. }
         | SessionError::NoTool { .. }

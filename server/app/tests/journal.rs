@@ -60,9 +60,9 @@ async fn a_killed_servers_session_is_back_under_its_id_with_its_state_and_goes_o
         kill(&mut process);
         let began = Instant::now();
         process = serve(&killed).await;
-        println!("the next server answers after {:.2} s", began.elapsed().as_secs_f64());
-        assert_eq!(sessions(&mut process).await, std::slice::from_ref(&session));
         let back = process.until(&session, |_| true).await;
+        println!("the session is back after {:.2} s", began.elapsed().as_secs_f64());
+        assert_eq!(sessions(&mut process).await, std::slice::from_ref(&session));
         assert_eq!((back.step, back.state_hash), (first.len() as u64, before.state_hash));
         assert_eq!(back.state, i32::from(v1::SessionState::Paused));
         // It writes a file of its own by then.
@@ -152,8 +152,38 @@ async fn a_damaged_journal_is_refused_by_name_and_harms_no_other_session() {
     let log = tempfile::NamedTempFile::new().unwrap();
     let set = format!("journal_dir={}", folder.path().display());
     let mut process = Process::serve(&["--set", &set], log.reopen().unwrap()).await;
+    process.until(&whole, |_| true).await;
+    let aside = folder.path().join("refused").join(path.file_name().unwrap());
+    let is_aside = async {
+        while !aside.exists() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    soon("the file where it can be looked at", is_aside).await;
     assert_eq!(sessions(&mut process).await, [whole]);
     let said = std::fs::read_to_string(log.path()).unwrap();
     assert!(said.contains("does not come back") && said.contains(&damaged), "{said}");
-    assert!(path.exists(), "it stays, to be looked at");
+    assert!(!path.exists(), "it takes nothing of the quota");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn many_cut_sessions_come_back_each_as_soon_as_it_can() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut process = serve(folder.path()).await;
+    let mut before = Vec::new();
+    for _ in 0..8 {
+        let session = process.stand().await;
+        let state_hash = process.step(&session, &stroke()).await.state_hash;
+        before.push((session, state_hash));
+    }
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    kill(&mut process);
+    let began = Instant::now();
+    let mut process = serve(folder.path()).await;
+    println!("the next server answers after {:.2} s", began.elapsed().as_secs_f64());
+    for (session, state_hash) in &before {
+        assert_eq!(process.until(session, |_| true).await.state_hash, *state_hash, "{session}");
+        println!("{session} is back after {:.2} s", began.elapsed().as_secs_f64());
+    }
+    assert_eq!(sessions(&mut process).await.len(), before.len());
 }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request, tool_motion};
+use tonic::Code;
 use tonic::transport::Channel;
 
 /// The scene that sessions are tested on.
@@ -87,7 +88,7 @@ impl Process {
         soon("steps", self.client.step_session(request)).await.unwrap().into_inner()
     }
 
-    /// The session's description once it is as wanted.
+    /// The session's description once it is as wanted; a session that comes back is waited for.
     pub async fn until(
         &mut self,
         session_id: &str,
@@ -96,9 +97,14 @@ impl Process {
         soon("a description", async {
             loop {
                 let request = v1::DescribeSessionRequest { session_id: session_id.into() };
-                let described = self.client.describe_session(request).await.unwrap().into_inner().session.unwrap();
-                if holds(&described) {
-                    break described;
+                match self.client.describe_session(request).await {
+                    Ok(described) => {
+                        let described = described.into_inner().session.unwrap();
+                        if holds(&described) {
+                            break described;
+                        }
+                    }
+                    Err(refused) => assert_eq!(refused.code(), Code::Unavailable, "{refused:?}"),
                 }
                 tokio::time::sleep(Duration::from_millis(20)).await;
             }

@@ -111,6 +111,12 @@ pub enum SessionError {
         /// The address of its server.
         to: String,
     },
+    /// Its journal is bringing the session back.
+    #[error("session {id} is coming back: the server was restarted; ask again in a moment")]
+    ComesBack {
+        /// The id asked for.
+        id: String,
+    },
     /// The session is on its way to another server.
     #[error("the session is moving to another server: ask again when it has moved, or has not")]
     Leaving,

@@ -54,6 +54,15 @@ pub(crate) struct Arrived {
 }
 
 impl Past {
+    /// Steps taken where the session stood at last, as far as its entries tell.
+    #[must_use]
+    pub fn last_step(&self) -> Option<u64> {
+        self.entries.iter().rev().find_map(|entry| match entry {
+            PastEntry::Step { step, .. } => Some(*step),
+            _ => None,
+        })
+    }
+
     /// Whether the session stood at last.
     pub(crate) fn stands(&self) -> bool {
         let told = |entry: &PastEntry| match entry {

@@ -95,19 +95,19 @@ fn schedule(policy: ThreadSchedulePolicy, priority: u8) -> Result<(), Error> {
 /// little have it together; those that come to cost too much step as everybody else.
 #[derive(Default)]
 pub(crate) struct Following {
-    load: f64,
+    load: Option<f64>,
     real_time: Option<RealTime>,
 }
 
 impl Following {
-    /// The thread keeps so much of a core busy.
-    pub fn follow(&mut self, load: f64) {
+    /// The thread keeps so much of a core busy. `None`: its steps have no deadline.
+    pub fn follow(&mut self, load: Option<f64>) {
         if self.real_time.is_some() && load == self.load {
             return;
         }
         self.load = load;
         let had = self.real_time.take().is_some();
-        self.real_time = RealTime::claim(load);
+        self.real_time = load.and_then(RealTime::claim);
         match &self.real_time {
             Some(real_time) if !had => real_time.begin(),
             None if had => end(),
@@ -140,20 +140,20 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_has_real_time_priority_as_long_as_its_load_leaves_a_core_to_all_else() {
+    fn a_thread_has_real_time_priority_while_it_has_deadlines_and_its_load_leaves_a_core_to_all_else() {
         let policy = || thread_schedule_policy_param(thread_native_id()).unwrap().0;
         let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
         let cores = std::thread::available_parallelism().unwrap().get() as f64;
         let policies = std::thread::spawn(move || {
             let mut following = Following::default();
-            [0.01, cores, 0.02].map(|load| {
+            [Some(0.01), Some(cores), Some(0.02), None].map(|load| {
                 following.follow(load);
                 policy()
             })
         });
         let policies = policies.join().unwrap();
         let may_have_it = schedule_is_permitted();
-        assert_eq!(policies.map(|policy| policy == fifo), [may_have_it, false, may_have_it], "{policies:?}");
+        assert_eq!(policies.map(|policy| policy == fifo), [may_have_it, false, may_have_it, false], "{policies:?}");
     }
 
     /// Whether this process may have real-time priority, and there is a core for it.

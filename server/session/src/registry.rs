@@ -1,6 +1,6 @@
 //! The sessions of a server.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
@@ -35,6 +35,8 @@ pub struct Registry {
     limits: SessionLimits,
     pareto_fronts: Arc<ParetoFronts>,
     sessions: Mutex<BTreeMap<SessionId, Arc<Session>>>,
+    /// Those of another run of the server that are not back yet.
+    expected: Mutex<BTreeSet<SessionId>>,
     /// Where those have gone that have left.
     moved: Mutex<BTreeMap<SessionId, Moved>>,
     instance: InstanceId,
@@ -63,6 +65,7 @@ impl Registry {
             limits,
             pareto_fronts: Arc::new(pareto_fronts),
             sessions: Mutex::default(),
+            expected: Mutex::default(),
             moved: Mutex::default(),
             instance: InstanceId::random(),
             next_number: AtomicU64::new(1),
@@ -106,6 +109,17 @@ impl Registry {
         self.create_from(|| Ok(scene), options).await
     }
 
+    /// Whoever asks for these sessions is told to ask again, until each is brought back, or is not.
+    pub fn expect(&self, ids: impl IntoIterator<Item = SessionId>) {
+        lock(&self.expected).extend(ids);
+    }
+
+    /// Sessions that are not back yet.
+    #[must_use]
+    pub fn expected(&self) -> usize {
+        lock(&self.expected).len()
+    }
+
     /// Brings a session back that another run of the server had: what `read` says of it leads to where it stood.
     ///
     /// # Errors
@@ -117,7 +131,9 @@ impl Registry {
         options: SessionOptions,
     ) -> Result<Arc<Session>, E> {
         let read = || read().map(|(scene, past)| (scene, Some(past)));
-        self.begin(Some(id), read, options).await
+        let back = self.begin(Some(id), read, options).await;
+        lock(&self.expected).remove(&id);
+        back
     }
 
     /// The same for a scene that has yet to be read: `read` runs on a thread of its own when its turn has come, so
@@ -217,11 +233,18 @@ impl Registry {
             let moved = lock(&self.moved);
             match moved.get(&parsed).filter(|moved| is_known(parsed, moved.owner.as_ref())) {
                 Some(Moved { to, .. }) => SessionError::Moved { id, to: to.clone() },
-                None => SessionError::NoSession { id },
+                None => self.absent(parsed),
             }
         })?;
         session.touch();
         Ok(session)
+    }
+
+    /// That a session is not here, or not yet. Whose it is is not known before it is read: whoever knows its id is told.
+    fn absent(&self, id: SessionId) -> SessionError {
+        let is_expected = lock(&self.expected).contains(&id);
+        let id = id.to_string();
+        if is_expected { SessionError::ComesBack { id } } else { SessionError::NoSession { id } }
     }
 
     /// All sessions, by id.
@@ -242,8 +265,9 @@ impl Registry {
     /// # Errors
     /// There is no such session.
     pub async fn close(&self, id: &str) -> Result<(), SessionError> {
-        let session = lock(&self.sessions).remove(&id.parse()?);
-        let session = session.ok_or_else(|| SessionError::NoSession { id: id.into() })?;
+        let id = id.parse()?;
+        let session = lock(&self.sessions).remove(&id);
+        let session = session.ok_or_else(|| self.absent(id))?;
         session.close().await;
         tracing::info!(session = %session.id(), "session closed");
         Ok(())

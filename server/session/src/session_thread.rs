@@ -115,7 +115,7 @@ fn run(mut core: SessionCore, inbox: &Inbox, pool: Option<&ThreadPool>) {
             Wake::Never => return,
         }
         if pool.is_none() {
-            priority.follow(core.load());
+            priority.follow(core.due_load());
         }
         core.obey_commands();
         wake = core.tick(MonotonicClock::now_ns(), &workers, &MonotonicClock);

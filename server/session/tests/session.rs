@@ -11,8 +11,8 @@ use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, SoundScene, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
-    Driver, Phase, PoseRefusal, PoseSample, Registry, Resimulation, SceneEvent, Session, SessionError, SessionLimits,
-    SessionOptions, StepReport, TapeEntry, TapeState, ViewMessage, Viewer,
+    Driver, Past, Phase, PoseRefusal, PoseSample, Registry, Resimulation, SceneEvent, Session, SessionError, SessionId,
+    SessionLimits, SessionOptions, StepReport, TapeEntry, TapeState, ViewMessage, Viewer,
 };
 
 const BLOCK: &str = include_str!("block.toml");
@@ -197,6 +197,29 @@ async fn a_session_that_was_given_up_when_it_was_built_frees_its_place() {
 }
 
 #[tokio::test]
+async fn who_asks_for_a_session_that_comes_back_is_told_to_ask_again() {
+    let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
+    let id: SessionId = "session-0000002a-7".parse().unwrap();
+    registry.expect([id]);
+    let comes_back = || SessionError::ComesBack { id: id.to_string() };
+    assert_eq!(registry.get(&id.to_string()).err(), Some(comes_back()));
+    assert_eq!(registry.close(&id.to_string()).await, Err(comes_back()));
+    assert_eq!(
+        registry.get("session-0000002a-8").err(),
+        Some(SessionError::NoSession { id: "session-0000002a-8".into() })
+    );
+    let unreadable = || Err(SessionError::Failed { message: "the journal is damaged".into() });
+    assert!(registry.bring_back(id, unreadable, SessionOptions::default()).await.is_err());
+    assert_eq!(registry.get(&id.to_string()).err(), Some(SessionError::NoSession { id: id.to_string() }));
+    registry.expect([id]);
+    registry
+        .bring_back::<SessionError>(id, || Ok((block(), Past::default())), SessionOptions::default())
+        .await
+        .unwrap();
+    assert!(registry.get(&id.to_string()).is_ok() && registry.expected() == 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_panic_fails_its_session_alone() {
     let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
     let broken = registry.create(block(), SessionOptions::default()).await.unwrap();

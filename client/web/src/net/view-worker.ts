@@ -24,7 +24,8 @@ import type { Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker, Want
 import { sayToken, withToken } from "./token";
 
 const FIRST_RETRY_MS = 250;
-const LAST_RETRY_MS = 4000;
+// A server that is started anew has its viewers back within two seconds.
+const LAST_RETRY_MS = 1000;
 /** Samples that wait for a page that does not draw (a tab in the background). */
 const MAX_SAMPLES = 600;
 

@@ -301,6 +301,7 @@ impl v1::session_service_server::SessionService for SessionService {
             version: env!("CARGO_PKG_VERSION").into(),
             resident_memory_bytes: machine::resident_memory_bytes().unwrap_or_default(),
             max_sessions: self.registry.limits().max_sessions as u32,
+            expected_sessions: self.registry.expected() as u32,
         };
         let server_instance = self.registry.instance().to_string();
         Ok(Response::new(v1::ListSessionsResponse { sessions, server_instance, server: Some(server) }))

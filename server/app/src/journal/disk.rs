@@ -132,15 +132,19 @@ impl Disk {
     pub fn failure(&self) -> Option<String> {
         self.shared.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
-}
 
-impl Drop for Disk {
-    /// All that was asked for is done.
-    fn drop(&mut self) {
+    /// Waits until all that was asked for is done.
+    pub fn finish(&mut self) {
         drop(self.jobs.take());
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        self.finish();
     }
 }
 

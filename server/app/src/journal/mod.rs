@@ -23,21 +23,25 @@ pub(crate) mod tests;
 pub(crate) mod virtual_disk;
 mod writer;
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, ensure};
 use futures_util::future::join_all;
 use kerf_proto::v1;
 use kerf_session::priority::stand_back;
 use kerf_session::{Registry, Session, SessionId, SessionOptions, TapeReader};
+use tonic::Code;
 
 use crate::config::ServerConfig;
 use crate::recording::{Going, Quota, Recordings, Told};
+use crate::status::session_code;
 use crate::storage::{Storage, SystemDisk};
 use disk::{Disk, Place};
 use files::Files;
@@ -60,6 +64,23 @@ pub struct Journals {
     health: Arc<Health>,
     /// Tests have disks that fail.
     storage: Arc<dyn Storage>,
+}
+
+/// The journals that a server left, by session.
+#[derive(Default)]
+pub struct Left(BTreeMap<SessionId, Vec<PathBuf>>);
+
+impl Left {
+    /// Whose they are.
+    pub fn ids(&self) -> impl Iterator<Item = SessionId> {
+        self.0.keys().copied()
+    }
+}
+
+/// Whether a session would come back to a server with more room, or to the next one.
+fn is_want_of_room(error: &anyhow::Error) -> bool {
+    let code = error.downcast_ref().map(session_code);
+    matches!(code, Some(Code::ResourceExhausted | Code::Unavailable))
 }
 
 struct Folder {
@@ -118,12 +139,18 @@ impl Journals {
         self.go_on(session, Vec::new())
     }
 
-    /// Brings back the sessions of the server before. What does not come back is logged, and its journal left.
-    pub async fn bring_back(&self, registry: &Registry, recordings: &Recordings) -> Result<()> {
-        let Some(folder) = &self.folder else { return Ok(()) };
+    /// The sessions of the server before, which are to be brought back.
+    pub fn left(&self) -> Result<Left> {
+        let Some(folder) = &self.folder else { return Ok(Left::default()) };
         Files::remove_parts(&folder.path).context("journal_dir")?;
-        let sessions = Files::in_folder(&folder.path).context("journal_dir")?;
-        join_all(sessions.into_iter().map(|(id, files)| async move {
+        Ok(Left(Files::in_folder(&folder.path).context("journal_dir")?))
+    }
+
+    /// Brings sessions back. What does not come back is logged.
+    pub async fn bring_back(&self, left: Left, registry: &Registry, recordings: &Recordings) {
+        let begun = Instant::now();
+        let sessions = left.0.len();
+        join_all(left.0.into_iter().map(|(id, files)| async move {
             let options =
                 SessionOptions { is_recorded: recordings.is_on(), is_journaled: true, ..SessionOptions::default() };
             let read = {
@@ -139,11 +166,25 @@ impl Journals {
                     self.health.not_brought_back.add(1);
                     let newest = files.last().map(|path| path.display().to_string());
                     tracing::error!(session = %id, newest, "the session does not come back: {error:#}");
+                    if !is_want_of_room(&error) {
+                        self.set_aside(&files);
+                    }
                 }
             }
         }))
         .await;
-        Ok(())
+        if sessions > 0 {
+            let seconds = begun.elapsed().as_secs_f64();
+            tracing::info!(sessions, seconds, "the sessions of the server before are back, as far as they come");
+        }
+    }
+
+    /// Puts away what brings no session back here, so that it takes nothing of the quota.
+    fn set_aside(&self, files: &[PathBuf]) {
+        let Some(folder) = &self.folder else { return };
+        if let Err(error) = Files::set_aside(&folder.path, files, self.quota.max_bytes()) {
+            tracing::warn!(?files, %error, "files of a journal that brings no session back stay, and take their part of the quota");
+        }
     }
 
     /// Puts down a session that comes from another server: as the first file of its journal, where one is kept.

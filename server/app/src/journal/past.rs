@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use kerf_physics::SoundScene;
 use kerf_proto::v1;
 use kerf_session::{Past, PastEntry};
@@ -29,9 +29,23 @@ pub fn read(files: &[PathBuf]) -> Result<(SoundScene, Past)> {
 
 fn read_file(path: &Path) -> Result<(SoundScene, Past)> {
     let mut recording = Recording::open_journal(path)?;
+    is_of_this_program(recording.header()).with_context(|| path.display().to_string())?;
     let past = past(&mut recording).with_context(|| path.display().to_string())?;
+    let torn_bytes = recording.torn_bytes();
+    if torn_bytes > 0 {
+        let last_step = past.last_step();
+        tracing::warn!(path = %path.display(), torn_bytes, last_step, "the end of the journal is not whole: what it had is lost");
+    }
     let scene = convert::scene(recording.header()).context("the scene")?;
     Ok((scene.judge().context("the scene")?, past))
+}
+
+/// Steps taken once more lead to the same bits in the program that took them alone.
+fn is_of_this_program(header: &v1::RecordingHeader) -> Result<()> {
+    let found = (header.server_version.as_str(), header.target.as_str());
+    let own = (convert::PROGRAM, convert::TARGET);
+    ensure!(found == own, "the journal is of kerf-server {} on {}; this is {} on {}", found.0, found.1, own.0, own.1);
+    Ok(())
 }
 
 fn past(recording: &mut Recording) -> Result<Past> {

@@ -1,5 +1,6 @@
 //! Journals that were cut, and whose bits were flipped.
 
+use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -9,11 +10,14 @@ use kerf_scenes::dial::ParetoFronts;
 use kerf_session::stepping::{StepMotion, Steps};
 use kerf_session::{Past, PastEntry, PoseSample, Registry, SessionLimits, SessionOptions};
 
+use kerf_proto::v1;
+
 use super::files::Files;
 use super::virtual_disk::{Faults, VirtualDisk};
 use super::{Journals, past};
 use crate::config::ServerConfig;
-use crate::recording::reader::RECORD_HEAD_BYTES;
+use crate::recording::reader::{RECORD_HEAD_BYTES, Recording};
+use crate::recording::tracks::{Track, Tracks};
 use crate::storage::PART;
 
 /// What sessions of tests are of.
@@ -191,9 +195,36 @@ async fn a_journal_with_any_bit_flipped_leads_nowhere_else() {
     let flips: Vec<usize> = (0..8 * bytes.len()).step_by(53).chain(kinds).collect();
     for bit in &flips {
         bytes[bit / 8] ^= 1 << (bit % 8);
-        refused += usize::from(is_prefix_or_refused(folder.path(), &bytes, &whole).is_none());
+        match is_prefix_or_refused(folder.path(), &bytes, &whole) {
+            None => refused += 1,
+            // The server was stopped: the disk had confirmed all entries.
+            Some(entries) => assert_eq!(entries, whole.1.len(), "bit {bit}: entries that were confirmed are missing"),
+        }
         bytes[bit / 8] ^= 1 << (bit % 8);
     }
     println!("{refused} of {} flips are refused", flips.len());
     assert!(refused > flips.len() / 2);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_journal_of_another_version_or_processor_is_refused_by_both_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = journal(&folder.path().join("journals"), 3).await;
+    let path = folder.path().join("session-00000001-1.000000000001.mcap");
+    std::fs::write(&path, bytes).unwrap();
+    let ours = Recording::open_journal(&path).unwrap().header().clone();
+    let refused = |header: &v1::RecordingHeader| {
+        // Without a state, which would be refused by itself.
+        let mut file = Vec::new();
+        let tracks =
+            Tracks::begin(Cursor::new(&mut file), [Track::Header], |tracks| tracks.write(Track::Header, 0, header));
+        tracks.unwrap().finish().unwrap();
+        std::fs::write(&path, file).unwrap();
+        past::read(std::slice::from_ref(&path)).err().map(|error| format!("{error:#}"))
+    };
+    assert_eq!(refused(&ours), None);
+    let version = refused(&v1::RecordingHeader { server_version: "0.0.9".into(), ..ours.clone() }).unwrap();
+    assert!(version.contains("kerf-server 0.0.9") && version.contains(&ours.server_version), "{version}");
+    let target = refused(&v1::RecordingHeader { target: "aarch65".into(), ..ours.clone() }).unwrap();
+    assert!(target.contains("on aarch65") && target.contains(&ours.target), "{target}");
 }

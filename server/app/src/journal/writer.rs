@@ -18,7 +18,7 @@ use crate::recording::tape::{self, plain};
 use crate::recording::tracks::{Track, Tracks};
 use crate::recording::writer::LogClock;
 use crate::recording::{Sink, Told, convert};
-use crate::storage::create_begun;
+use crate::storage::{Stored, create_begun};
 
 /// How often the tape is looked at.
 const LOOK: Duration = Duration::from_millis(8);
@@ -57,6 +57,10 @@ struct Going {
     tracks: Tracks<Sink>,
     /// The same, to be synced.
     file: Arc<JournalFile>,
+    /// Up to the last entry.
+    entries_bytes: u64,
+    /// What the disk had confirmed, as the file itself says.
+    said_bytes: u64,
 }
 
 impl Going {
@@ -66,7 +70,21 @@ impl Going {
         let confirmed = v1::RecordedConfirmed { bytes: self.file.confirmed_bytes() };
         self.tracks.write(Track::Confirmed, time_ns, &confirmed)?;
         self.tracks.flush()?;
+        self.said_bytes = confirmed.bytes;
         Ok(self.file.written_bytes() - before)
+    }
+
+    /// The same for entries.
+    fn flush_entries(&mut self, time_ns: u64) -> McapResult<u64> {
+        let written = self.flush(time_ns)?;
+        self.entries_bytes = self.file.written_bytes();
+        Ok(written)
+    }
+
+    /// The disk has confirmed all entries, and the file does not say so yet: damage to the last of them would pass for one
+    /// that was never written.
+    fn is_unsaid(&self) -> bool {
+        self.said_bytes < self.entries_bytes && self.entries_bytes <= self.file.confirmed_bytes()
     }
 }
 
@@ -113,7 +131,7 @@ impl Writer {
     }
 
     /// Ends the journal: a session that has ended has none any more, unless its server stops.
-    pub(super) fn end(self, ended: Result<(), String>) {
+    pub(super) fn end(mut self, ended: Result<(), String>) {
         let session = self.files.session;
         match ended {
             Ok(()) if !self.is_stopping.load(Ordering::Acquire) => {
@@ -121,13 +139,28 @@ impl Writer {
                 // Else a power cut would bring it back.
                 let _ = self.place.storage.sync_names(&self.files.folder);
             }
-            Ok(()) => tracing::info!(%session, "the journal of the session stays, for the next server"),
+            Ok(()) => match self.say_confirmed() {
+                Ok(()) => tracing::info!(%session, "the journal of the session stays, for the next server"),
+                Err(error) => {
+                    tracing::warn!(%session, "the journal of the session stays, but its end: {}", plain(&error))
+                }
+            },
             Err(error) => {
                 self.account.health.broken_off.add(1);
                 self.account.told.note(|journal| journal.error.clone_from(&error));
                 tracing::error!(%session, "the journal has ended before its session, which would come back as it was then: {error}");
             }
         }
+    }
+
+    /// Waits for the disk, and lets the file say what it has confirmed.
+    fn say_confirmed(&mut self) -> McapResult<()> {
+        self.disk.finish();
+        if let Some(going) = self.file.as_mut().filter(|going| going.is_unsaid()) {
+            going.flush(self.clock.unix_ns(MonotonicClock::now_ns()))?;
+            going.file.sync()?;
+        }
+        Ok(())
     }
 
     /// Writes what has come since the last look. The outcome, once there is one: the session has ended, or why the
@@ -142,9 +175,17 @@ impl Writer {
         if state != TapeState::Running || now_ns - self.flushed_ns >= FLUSH_NS {
             self.flushed_ns = now_ns;
             let is_unsynced = std::mem::take(&mut self.is_unsynced);
-            if let Some(going) = self.file.as_mut().filter(|_| is_unsynced) {
-                self.place.unsynced.written(going.flush(self.clock.unix_ns(now_ns))?);
-                self.disk.sync(&going.file);
+            if let Some(going) = &mut self.file {
+                let time_ns = self.clock.unix_ns(now_ns);
+                let written = match is_unsynced {
+                    true => Some(going.flush_entries(time_ns)?),
+                    false if going.is_unsaid() => Some(going.flush(time_ns)?),
+                    false => None,
+                };
+                if let Some(written) = written {
+                    self.place.unsynced.written(written);
+                    self.disk.sync(&going.file);
+                }
             }
             if let Some(failure) = self.disk.failure() {
                 return Ok(Some(Err(failure)));
@@ -175,7 +216,7 @@ impl Writer {
     fn begin_file(&mut self, base: Option<&TapeEntry>, now_ns: u64) -> McapResult<()> {
         let time_ns = self.clock.unix_ns(now_ns);
         if let Some(mut going) = self.file.take() {
-            self.place.unsynced.written(going.flush(time_ns)?);
+            self.place.unsynced.written(going.flush_entries(time_ns)?);
             going.tracks.abandon();
         }
         let path = self.files.next();
@@ -191,7 +232,8 @@ impl Writer {
         let before = std::mem::replace(&mut self.files.before, vec![path]);
         self.place.unsynced.written(file.written_bytes());
         self.disk.replace(&file, self.files.folder.clone(), before);
-        self.file = Some(Going { tracks, file });
+        let entries_bytes = file.written_bytes();
+        self.file = Some(Going { tracks, file, entries_bytes, said_bytes: 0 });
         Ok(())
     }
 }

@@ -43,6 +43,8 @@ fn journals(page: &mut Page<'_>, sources: &Sources) -> fmt::Result {
     page.gauge(("journal_unsynced", Some(Bytes), help), lag.unsynced_bytes)?;
     let help = "How long the oldest record that the disk has yet to confirm has waited: what a power cut would lose.";
     page.gauge(("journal_lag", Some(Seconds), help), lag.oldest_s)?;
+    let help = "Sessions of the server before that are not back yet.";
+    page.gauge(("sessions_expected", None, help), sources.registry.expected())?;
     let help = "Journals that could not be begun, that ended before their session, or that brought no session back.";
     let kinds = [
         ("not_begun", &health.not_begun),

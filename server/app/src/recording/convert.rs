@@ -24,6 +24,11 @@ use crate::convert::wrench;
 /// the structures of a recording of version 1.
 pub const VERSION: u32 = 2;
 
+/// The version of this program.
+pub const PROGRAM: &str = env!("CARGO_PKG_VERSION");
+/// What it was compiled for.
+pub const TARGET: &str = std::env::consts::ARCH;
+
 /// What a recording begins with.
 ///
 /// # Errors
@@ -36,7 +41,7 @@ pub fn header(session: &Session, summary: v1::SceneSummary) -> Result<v1::Record
     };
     Ok(v1::RecordingHeader {
         version: VERSION,
-        server_version: env!("CARGO_PKG_VERSION").into(),
+        server_version: PROGRAM.into(),
         session_id: session.id().to_string(),
         scene_toml: toml::to_string(&session.scene().desc)?,
         meshes: session.scene().meshes.iter().map(mesh).collect(),
@@ -44,6 +49,7 @@ pub fn header(session: &Session, summary: v1::SceneSummary) -> Result<v1::Record
         is_paused: session.phase() != Phase::Running,
         owner: session.owner().map(|owner| owner.name.clone()).unwrap_or_default(),
         is_private: session.owner().is_some_and(|owner| owner.is_private),
+        target: TARGET.into(),
     })
 }
 

@@ -28,6 +28,12 @@ impl Quota {
         Self { names, max_mib, kept_bytes: AtomicU64::new(0) }
     }
 
+    /// How much the folder may hold.
+    #[must_use]
+    pub fn max_bytes(&self) -> u64 {
+        (self.max_mib * BYTES_PER_MIB) as u64
+    }
+
     /// So much of it was removed.
     pub fn free(&self, bytes: u64) {
         self.kept_bytes.fetch_sub(bytes.min(self.kept_bytes.load(Ordering::Relaxed)), Ordering::Relaxed);

@@ -78,6 +78,8 @@ pub struct Recording {
     channels: BTreeMap<u16, Track>,
     chunks: Vec<Chunk>,
     ending: Ending,
+    /// At its end, not whole.
+    torn_bytes: u64,
 }
 
 impl Recording {
@@ -123,6 +125,7 @@ impl Recording {
         };
         recording.read_header()?;
         if let Some(Damage { offset, error }) = damage {
+            recording.torn_bytes = recording.file.get_ref().metadata()?.len() - offset;
             let confirmed = recording.confirmed_behind(offset)?;
             ensure!(confirmed <= offset, "{error:#}; the disk had confirmed the first {confirmed} bytes");
         }
@@ -153,9 +156,10 @@ impl Recording {
         ensure!(is_mcap, "this is no MCAP file");
         let (mut chunks, mut offset) = (Vec::new(), MAGIC.len() as u64);
         let ending = find_chunks(&mut file, length, &mut chunks, &mut offset);
+        let torn_bytes = if matches!(ending, Ok(Ending::CutOff)) { length - offset } else { 0 };
         let ending = ending.map_err(|error| Damage { offset, error });
         let header = v1::RecordingHeader::default();
-        Ok((Self { file, header, channels: BTreeMap::new(), chunks, ending: Ending::CutOff }, ending))
+        Ok((Self { file, header, channels: BTreeMap::new(), chunks, ending: Ending::CutOff, torn_bytes }, ending))
     }
 
     fn read_header(&mut self) -> Result<()> {
@@ -178,6 +182,12 @@ impl Recording {
     #[must_use]
     pub fn ending(&self) -> Ending {
         self.ending
+    }
+
+    /// Bytes at its end that are not whole.
+    #[must_use]
+    pub fn torn_bytes(&self) -> u64 {
+        self.torn_bytes
     }
 
     /// Chunks that it has.

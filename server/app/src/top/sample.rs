@@ -99,8 +99,12 @@ pub mod tests {
             journal: Some(v1::Journal::default()),
             ..Default::default()
         };
-        let server =
-            Some(v1::ServerVitals { version: "0.1.0".into(), resident_memory_bytes: 200 << 20, max_sessions: 8 });
+        let server = Some(v1::ServerVitals {
+            version: "0.1.0".into(),
+            resident_memory_bytes: 200 << 20,
+            max_sessions: 8,
+            expected_sessions: 0,
+        });
         let of = |sessions| v1::ListSessionsResponse { sessions, server: server.clone(), ..Default::default() };
         let at = Instant::now();
         let before = Sample { at, listed: of(vec![info(500, 7, 2.0)]) };

@@ -60,7 +60,11 @@ fn title(seen: &Seen) -> String {
     let server = &seen.server;
     let memory_mib = server.resident_memory_bytes as f64 / MIB;
     let (sessions, most) = (seen.sessions.len(), server.max_sessions);
-    format!("kerf-server {}: {sessions} of {most} sessions, {memory_mib:.0} MiB", server.version)
+    let expected = match server.expected_sessions {
+        0 => String::new(),
+        expected => format!(", {expected} not back yet"),
+    };
+    format!("kerf-server {}: {sessions} of {most} sessions{expected}, {memory_mib:.0} MiB", server.version)
 }
 
 fn widths(rows: &[[String; 13]]) -> [usize; 13] {

@@ -12,8 +12,9 @@ use crate::status::Phase;
 use crate::tape::{Base, TapeEntry, Wants};
 use crate::view_message::SceneEvent;
 
-/// A journal has the hash of the state after each so many steps: of every step it would take 6 % of a liver's at 1 kHz.
-pub(super) const HASHED_STEPS: u64 = 64;
+/// A journal has the hash of the state after each so much of simulated time, s: about once a chunk. After every step it would
+/// take 6 % of a liver's at 1 kHz.
+const HASHED_S: f64 = 0.064;
 /// Stepping that is taken once more when a session is brought back, ns, at most: it is back within two seconds.
 const MOST_REPEATED_NS: u64 = 1_000_000_000;
 /// Copying states takes at most one part in so many of the time of stepping: a huge scene is rather brought back slowly.
@@ -29,6 +30,11 @@ pub(super) struct BaseSchedule {
 }
 
 impl SessionCore {
+    /// Steps from one hash in a journal to the next.
+    pub(super) fn hashed_steps(&self) -> u64 {
+        ((HASHED_S / self.dt_s()).round() as u64).max(1)
+    }
+
     /// Gives a journal a state to go on from where taking its steps once more would take too long by now. Each checkpoint
     /// that goes along takes as much of the disk again, so that they come less often then.
     pub(super) fn write_base_if_due(&mut self, elapsed_ns: u64, clock: &dyn StageClock) {

@@ -60,7 +60,7 @@ use crate::step_report::{StepReport, ToolReport};
 use crate::tape::{LoggedInputs, TapeEntry, TapedStep, Wants};
 use crate::tool_slot::DriverId;
 use crate::view_message::SceneEvent;
-use journal::{BaseSchedule, HASHED_STEPS};
+use journal::BaseSchedule;
 use models::ModelSchedule;
 use owed_steps::OwedSteps;
 use views::ViewSchedule;
@@ -269,9 +269,10 @@ impl SessionCore {
         }
     }
 
-    /// Cores that its steps keep busy: of the last whole second, or more where this one has come to more.
-    pub fn load(&self) -> f64 {
-        f64::max(self.admitted.load.measured(), self.meter.so_far())
+    /// Cores that its steps keep busy: of the last whole second, or more where this one has come to more. `None` where
+    /// nothing is due: steps that calls ask for are taken as fast as they can, and leave the machine to those that are.
+    pub fn due_load(&self) -> Option<f64> {
+        (self.phase == Phase::Running).then(|| f64::max(self.admitted.load.measured(), self.meter.so_far()))
     }
 
     fn take_step(&mut self, started_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
@@ -351,7 +352,7 @@ impl SessionCore {
     fn record_step(&self, work_units: Option<u64>) {
         let inputs = LoggedInputs { tools: self.tools.inputs.clone(), work_units };
         let is_hashed =
-            self.publisher.tape.is_for(Wants::Hashes) || self.world.output().step.is_multiple_of(HASHED_STEPS);
+            self.publisher.tape.is_for(Wants::Hashes) || self.world.output().step.is_multiple_of(self.hashed_steps());
         let state_hash = is_hashed.then(|| self.world.state_hash());
         let step = TapedStep { inputs, report: self.report(), state_hash };
         self.publisher.tape.push(&TapeEntry::Step(Arc::new(step)));
