@@ -69,8 +69,13 @@ def test_checkpoints_are_gone_back_to(session):
     assert session.restore_checkpoint("half way") == saved.step
     assert session.describe().state_hash == saved.state_hash
     assert [(kept.name, kept.step) for kept in session.checkpoints()] == [("half way", saved.step)]
+    with pytest.raises(
+        kerf.NotFoundError, match=r'checkpoint "halfway" among half way; did you mean .half way.\?'
+    ) as error:
+        session.restore_checkpoint("halfway")
+    assert (error.value.field, error.value.limit) == ("name", "one of half way")
     session.delete_checkpoint("half way")
-    with pytest.raises(kerf.NotFoundError):
+    with pytest.raises(kerf.NotFoundError, match=r'no checkpoint "half way"$'):
         session.restore_checkpoint("half way")
 
 

@@ -7,7 +7,7 @@ using Kerf.Client;
 using Kerf.Unity;
 using UnityEngine;
 
-/// <summary>Plays the sample a frame at a time against a server that runs: SampleTest ADDRESS RESOURCES. Ends with 0 where all
+/// <summary>Plays the sample a frame at a time against a server that runs: SampleTest ADDRESS PACKAGE. Ends with 0 where all
 /// holds.</summary>
 static class SampleTest
 {
@@ -17,10 +17,11 @@ static class SampleTest
 
     static int Main(string[] arguments)
     {
-        Resources.Folder = arguments[1];
+        Resources.Folder = arguments[1] + "/Runtime/Resources";
         FieldsMayBeSetAfterTheComponentIsThere(arguments[0]);
         TheSampleCuts(arguments[0]);
-        TheMenuMakesASessionWithABlade();
+        var made = TheMenuMakesASessionWithABlade();
+        ThePrefabIsWhatTheMenuMakes(arguments[0], arguments[1], made);
         return 0;
     }
 
@@ -82,6 +83,7 @@ static class SampleTest
         Expect(session.Trouble == null, session.Trouble);
         Expect(mesh.GetIndices(1).Length > 100, "no wall of a cut is drawn");
         Expect(mesh.GetIndices(2).Length > 20, "no seam is drawn");
+        ExpectRaised(mesh, 0.004f * Extent(mesh).magnitude);
         Expect(steadyN.Length > 10, "the edge did not cut");
         var meanN = steadyN.OrderBy(force => force).ElementAt(steadyN.Length / 2);
         Expect(Math.Abs(meanN / TheoryN - 1) < 0.05f, "a steady cut takes " + meanN + " N, not " + TheoryN);
@@ -93,7 +95,7 @@ static class SampleTest
         Console.WriteLine("ok TheSampleCuts: " + meanN.ToString("0.0") + " N, theory " + TheoryN);
     }
 
-    static void TheMenuMakesASessionWithABlade()
+    static GameObject TheMenuMakesASessionWithABlade()
     {
         KerfMenu.AddSession();
         var session = UnityEditor.Selection.activeGameObject.GetComponent<KerfSession>();
@@ -101,6 +103,67 @@ static class SampleTest
         var blades = session.transform.Children.Select(child => child.gameObject.GetComponent<KerfTool>()).ToArray();
         Expect(blades.Length == 1 && blades[0].session == session, "there is no blade of that session");
         Console.WriteLine("ok TheMenuMakesASessionWithABlade");
+        return session.gameObject;
+    }
+
+    static void ThePrefabIsWhatTheMenuMakes(string address, string package, GameObject made)
+    {
+        var root = new Prefab(package, package + "/Runtime/Prefabs/Kerf.prefab").Instantiate();
+        ExpectSame(root, made, "");
+        UnityEngine.Object.Destroy(made);
+        // It plays.
+        var session = root.GetComponent<KerfSession>();
+        session.address = address;
+        session.sceneName = "cuboid";
+        PlayUntil("a state of the prefab's session", () => session.State != null || session.Trouble != null);
+        Expect(session.Trouble == null, session.Trouble);
+        UnityEngine.Object.Destroy(root);
+        Console.WriteLine("ok ThePrefabIsWhatTheMenuMakes");
+    }
+
+    static void ExpectSame(GameObject one, GameObject other, string above)
+    {
+        var name = above + "/" + one.name;
+        Expect(one.name == other.name, name + " is " + other.name);
+        var (a, b) = (one.transform, other.transform);
+        Expect((a.localPosition - b.localPosition).magnitude < 1e-6f, name + " is elsewhere");
+        Expect((a.localScale - b.localScale).magnitude < 1e-6f, name + " is of another size");
+        var (parts, others) = (one.GetComponents<Component>(), other.GetComponents<Component>());
+        Expect(parts.Select(part => part.GetType()).SequenceEqual(others.Select(part => part.GetType())), name + " has other components");
+        for (var part = 0; part < parts.Length; part++)
+        {
+            foreach (var field in Prefab.Fields(parts[part].GetType()).Where(_ => parts[part] is MonoBehaviour))
+            {
+                var (value, expected) = (field.GetValue(parts[part]), field.GetValue(others[part]));
+                // Of a reference the object that it is on: there are two of each.
+                if (value is Component from && expected is Component to) (value, expected) = (from.gameObject.name, to.gameObject.name);
+                Expect(Equals(value, expected), name + "." + field.Name + " is " + value + ", not " + expected);
+            }
+        }
+        var (children, those) = (a.Children.ToArray(), b.Children.ToArray());
+        Expect(children.Length == those.Length, name + " has other children");
+        for (var child = 0; child < children.Length; child++) ExpectSame(children[child].gameObject, those[child].gameObject, name);
+    }
+
+    /// <summary>The seam on vertices of its own, which stand out from those of the surface by the height.</summary>
+    static void ExpectRaised(Mesh mesh, float heightM)
+    {
+        var surface = mesh.GetIndices(0).Concat(mesh.GetIndices(1)).Distinct().Select(index => mesh.vertices[index]).ToArray();
+        var middle = 1f / surface.Length * surface.Aggregate((sum, vertex) => sum + vertex);
+        var raised = mesh.GetIndices(2).Distinct().Select(index => mesh.vertices[index]).ToArray();
+        var ways = raised.Select(at => at - surface.OrderBy(vertex => (vertex - at).magnitude).First()).ToArray();
+        Expect(ways.All(way => way.magnitude < 1.1f * heightM), "a line floats at " + ways.Max(way => way.magnitude) + " m, not " + heightM);
+        Expect(ways.Count(way => way.magnitude > 0.5f * heightM) > 0.9 * ways.Length, "lines are in the surface");
+        var outward = raised.Where((at, index) => Vector3.Dot(ways[index], at - middle) > 0);
+        Expect(outward.Count() > 0.9 * raised.Length, "lines are raised into the tissue: " + outward.Count() + " of " + raised.Length);
+    }
+
+    /// <summary>From one corner of the box around the outside to the other: the tissue's size at rest is hardly another.</summary>
+    static Vector3 Extent(Mesh mesh)
+    {
+        var outside = mesh.GetIndices(0).Select(index => mesh.vertices[index]).ToArray();
+        return new Vector3(
+            outside.Max(at => at.x) - outside.Min(at => at.x), outside.Max(at => at.y) - outside.Min(at => at.y), outside.Max(at => at.z) - outside.Min(at => at.z));
     }
 
     /// <summary>The mouse where the vertical axis is at a height: the eye is at 0.35 m of height and before it.</summary>

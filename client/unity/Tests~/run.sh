@@ -47,7 +47,7 @@ mcs -langversion:7.2 -target:library -warnaserror -nowarn:1591 $unity,$build/Ker
 for input in old new; do
     [ $input = old ] && define= || define=-d:ENABLE_INPUT_SYSTEM
     mcs -langversion:7.2 -warnaserror -nowarn:649 $define $unity,$build/Kerf.Unity.dll,$build/Kerf.Editor.dll \
-        -out:$build/SampleTest-$input.exe client/unity/Samples~/Cut/CutSample.cs client/unity/Tests~/SampleTest.cs
+        -out:$build/SampleTest-$input.exe client/unity/Samples~/Cut/CutSample.cs client/unity/Tests~/SampleTest.cs client/unity/Tests~/Prefab.cs
 done
 
 # Whatever Unity would import has a .meta with an id of its own: a package from a git address cannot be given any later.
@@ -112,5 +112,5 @@ mono $build/LiveTest.exe http://127.0.0.1:$port https://127.0.0.1:$secured $buil
     $server http://127.0.0.1:$elsewhere proto/vectors/cut.bin $build/cut.txt \
     proto/vectors/cut-vertices.bin $build/cut-vertices.txt
 for input in old new; do
-    mono $build/SampleTest-$input.exe http://127.0.0.1:$port client/unity/Runtime/Resources
+    mono $build/SampleTest-$input.exe http://127.0.0.1:$port client/unity
 done

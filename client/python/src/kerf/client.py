@@ -6,9 +6,10 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from kerf.errors import InvalidArgumentError, KerfError
+from kerf.making_bar import MakingBar
 from kerf.model import Making, SceneInfo, SessionState, StepResult
 from kerf.rpc import Transport, parts_of
 from kerf.session import Session, Steps, step_together
@@ -92,7 +93,7 @@ class Client:
         step_rate_hz: float | None = None,
         private: bool = False,
         progress: Callable[[int, int], object] | None = None,
-        making: Callable[[Making], object] | None = None,
+        making: Callable[[Making], object] | Literal["bar"] | None = "bar",
     ) -> Session:
         """Builds a scene, named, in a file, or as text, and begins a session of it.
 
@@ -109,7 +110,8 @@ class Client:
             private: Nobody gets to know of it but clients with the same token, and operators.
             progress: Called with the bytes of the files that were sent and those that there are, part by part, from
                 another thread.
-            making: Called with how far the scene is, as it changes, before this returns.
+            making: Called with how far the scene is, as it changes, before this returns. `"bar"`: a bar tells it on
+                `sys.stderr` where that is a terminal. `None`: nothing does.
         """
         if sum(given is not None for given in (scene_name, path, toml)) != 1:
             raise InvalidArgumentError("give one of scene_name, path and toml", field="scene", limit="one of three")
@@ -127,6 +129,8 @@ class Client:
             private=private,
         )
         created: pb.CreateSessionResponse | pb.UploadSceneResponse
+        if making == "bar":
+            making = MakingBar.on_terminal()
         if making is not None:
             request.upload_id = self._send_files(sent, progress)
             created = self._make(request, making)
@@ -139,11 +143,15 @@ class Client:
         return Session(self._transport, created.session, warnings=created.warnings, files=sent)
 
     def _make(self, request: pb.CreateSessionRequest, making: Callable[[Making], object]) -> pb.CreateSessionResponse:
-        asked = pb.MakeSessionRequest(request=request)
-        for told in self._transport.read("SessionService/MakeSession", asked, pb.MakeSessionResponse):
-            if told.HasField("created"):
-                return told.created
-            making(Making.of(told.progress))
+        asked, timeout_s = pb.MakeSessionRequest(request=request), self._transport.timeout_s
+        try:
+            for told in self._transport.read("SessionService/MakeSession", asked, pb.MakeSessionResponse, timeout_s):
+                if told.HasField("created"):
+                    return told.created
+                making(Making.of(told.progress))
+        finally:
+            if isinstance(making, MakingBar):
+                making.clear()
         raise KerfError("the server ended the call without a session")
 
     def _send_files(self, files: Mapping[str, bytes], progress: Callable[[int, int], object] | None) -> str:

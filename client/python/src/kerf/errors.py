@@ -52,7 +52,10 @@ class ResourceExhaustedError(KerfError):
 
 
 class FailedPreconditionError(KerfError):
-    """Not now: a tool is driven by somebody else, a session has failed, or the dial cannot be set so."""
+    """Not now: a tool is driven by somebody else, a session has failed, or the dial cannot be set so.
+
+    Nor here: in a process that was forked, by the connection of its parent.
+    """
 
 
 class StepsEndedError(KerfError):

@@ -79,7 +79,7 @@ def energies_of(message: session_pb2.EnergyLedger) -> list[float]:
 class Making:
     """How far a scene is that is being made."""
 
-    #: `"reading"`, `"voxels"`, `"elements"`, `"solver"` or `"equilibrium"`.
+    #: `"reading"`, `"voxels"`, `"elements"`, `"solver"` or `"equilibrium"`; `"unspecified"`: another.
     stage: str
     #: The object that is made, from 0, and how many there are; 0: the scene is not read yet.
     object: int
@@ -93,7 +93,10 @@ class Making:
     @classmethod
     def of(cls, told: session_pb2.MakingProgress) -> Self:
         """From the wire."""
-        stage = session_pb2.MakingStage.Name(told.stage).removeprefix("MAKING_STAGE_").lower()
+        stages = session_pb2.MakingStage
+        # A server of another version may have stages that this does not know.
+        known = told.stage if told.stage in stages.values() else session_pb2.MAKING_STAGE_UNSPECIFIED
+        stage = stages.Name(known).removeprefix("MAKING_STAGE_").lower()
         return cls(stage, told.object, told.objects, told.voxels, told.composite_elements, told.share)
 
 
@@ -201,7 +204,8 @@ class StepResult:
     #: Where each tool was: position in metres, then a quaternion x, y, z, w; not a number while it is lifted, or where
     #: this session has not placed it. (n, t, 7)
     poses: Floats
-    #: How far each tool has gone the way it cuts since it first touched, m; 0 while it is out. (n, t)
+    #: How far each tool has gone the way it cuts since it first touched, m; 0 while it is out. Of jaws that hold
+    #: tissue: how far they have pulled it, whichever way. (n, t)
     depth_m: Floats
     #: In the order of `ENERGY_TERMS`. (n, 14)
     energies_j: Floats

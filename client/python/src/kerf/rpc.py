@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 import grpc
 from google.protobuf.message import Message
 
-from kerf.errors import MovedError, UnavailableError, of_rpc
+from kerf.errors import FailedPreconditionError, MovedError, UnavailableError, of_rpc
 
 R = TypeVar("R", bound=Message)
 Q = TypeVar("Q", bound=Message)
@@ -57,6 +57,7 @@ class Transport:
         self._metadata = [("authorization", f"Bearer {token}")] if token else []
         self._calls: dict[str, Any] = {}
         self._is_closed = False
+        self._process = os.getpid()
 
     def at(self, address: str) -> Transport:
         """A connection to another server, let in by the same."""
@@ -64,6 +65,7 @@ class Transport:
 
     def wait_until_ready(self, timeout_s: float) -> None:
         """Waits for the server to listen."""
+        self._refuse_after_fork()
         try:
             grpc.channel_ready_future(self._channel).result(timeout=timeout_s)
         except grpc.FutureTimeoutError as error:
@@ -79,9 +81,9 @@ class Transport:
             raise self._closed(error) or of_rpc(error) from error
         return answer
 
-    def read(self, method: str, request: Message, response: type[R]) -> Stream[R]:
-        """Calls `Service/Method` and reads what comes until it ends."""
-        return Stream(self._begin("unary_stream", method, request, response, request))
+    def read(self, method: str, request: Message, response: type[R], timeout_s: float | None = None) -> Stream[R]:
+        """Calls `Service/Method` and reads what comes until it ends, for as long as that takes by default."""
+        return Stream(self._begin("unary_stream", method, request, response, request, timeout=timeout_s))
 
     def send(self, method: str, requests: Iterator[Q], request: type[Q], response: type[R]) -> R:
         """Calls `Service/Method`, sends requests one after another and waits for the answer."""
@@ -98,7 +100,9 @@ class Transport:
     def close(self) -> None:
         """Ends all calls and the connection."""
         self._is_closed = True
-        self._channel.close()
+        # A parent's is the parent's to end.
+        if self._process == os.getpid():
+            self._channel.close()
 
     def _begin(
         self,
@@ -109,10 +113,20 @@ class Transport:
         sent: object,
         timeout: float | None = None,
     ) -> Any:  # noqa: ANN401
+        self._refuse_after_fork()
         try:
             return self._stub(kind, method, request, response)(sent, timeout=timeout, metadata=self._metadata)
         except ValueError as error:
             raise self._closed(error) or error from None
+
+    def _refuse_after_fork(self) -> None:
+        """Says so in a process that was forked: a call on its parent's connection may wait for ever."""
+        if self._process != os.getpid():
+            words = (
+                f"the connection to {self.address} is of the process that this one was forked from: begin processes by "
+                'context="spawn", as of multiprocessing and AsyncVectorEnv, or make the client in each of them'
+            )
+            raise FailedPreconditionError(words, limit="one process")
 
     def _closed(self, error: Exception) -> UnavailableError | None:
         """What to say in the place of gRPC's error where another thread has ended the connection."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from kerf import model
 from kerf.control import Control
-from kerf.errors import KerfError, NotFoundError, did_you_mean
+from kerf.errors import KerfError, MovedError, NotFoundError, did_you_mean
 from kerf.model import Checkpoint, ContactFlags, SessionStatus, StepResult
 from kerf.motion import Motion, Placement, Track, poses_array, write_motions
 from kerf.recording import Recorder
@@ -217,7 +218,8 @@ class Session:
         """Goes back to a checkpoint, with the tools that this has placed where they were; its step."""
         self._refuse_while_recorded()
         request = pb.RestoreCheckpointRequest(session_id=self.id, name=name)
-        answer = self._transport.call("SessionService/RestoreCheckpoint", request, pb.RestoreCheckpointResponse)
+        with self._guessing_checkpoint(name):
+            answer = self._transport.call("SessionService/RestoreCheckpoint", request, pb.RestoreCheckpointResponse)
         self._forget_tools()
         return answer.step
 
@@ -234,7 +236,23 @@ class Session:
     def delete_checkpoint(self, name: str) -> None:
         """Forgets a checkpoint."""
         request = pb.DeleteCheckpointRequest(session_id=self.id, name=name)
-        self._transport.call("SessionService/DeleteCheckpoint", request, pb.DeleteCheckpointResponse)
+        with self._guessing_checkpoint(name):
+            self._transport.call("SessionService/DeleteCheckpoint", request, pb.DeleteCheckpointResponse)
+
+    @contextmanager
+    def _guessing_checkpoint(self, name: str) -> Iterator[None]:
+        """Where the server has no checkpoint of this name the error says which there are, and which may be meant."""
+        try:
+            yield
+        except MovedError:
+            raise
+        except NotFoundError as error:
+            # Where it is the session that is gone, this says so.
+            known = [kept.name for kept in self.checkpoints()]
+            if not known or name in known:
+                raise
+            words = f"{error} among {', '.join(known)}{did_you_mean(name, known)}"
+            raise NotFoundError(words, field="name", limit=f"one of {', '.join(known)}") from error
 
     def save(self, path: str | Path, checkpoint: str = "") -> None:
         """Writes the state to a file, or a checkpoint: `load` goes on from it in another session of the same scene.
@@ -244,8 +262,10 @@ class Session:
             checkpoint: Name of a checkpoint; empty: the state as it is.
         """
         request = pb.DownloadCheckpointRequest(session_id=self.id, name=checkpoint)
-        parts = self._transport.read("SessionService/DownloadCheckpoint", request, pb.DownloadCheckpointResponse)
-        Path(path).write_bytes(b"".join(part.data for part in parts))
+        with self._guessing_checkpoint(checkpoint):
+            parts = self._transport.read("SessionService/DownloadCheckpoint", request, pb.DownloadCheckpointResponse)
+            state = b"".join(part.data for part in parts)
+        Path(path).write_bytes(state)
 
     def load(
         self,

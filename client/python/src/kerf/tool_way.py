@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -25,6 +26,8 @@ class ToolWay:
         self._poses = np.tile(_NOWHERE, (self._tools, 1))
         # Position and way that cuts of each tool as it first touched; nothing where it does not touch.
         self._touched: list[list[float] | None] = [None] * self._tools
+        # Where the jaws of each tool took hold; nothing where they hold nothing.
+        self._held: list[list[float] | None] = [None] * self._tools
 
     def take(
         self, inputs: Sequence[Mapping[int, Motion]], flags: NDArray[np.uint32], force_n: Floats
@@ -39,16 +42,24 @@ class ToolWay:
             self._poses[is_lifted[step]] = np.nan
             poses[step] = self._poses
         touches: NDArray[np.bool_] = (force_n != 0.0).any(axis=2)
+        holds: NDArray[np.bool_] = (flags & ContactFlags.HOLDING) != 0
         for tool in range(self._tools):
-            if self._touched[tool] is not None or touches[:, tool].any():
-                depth_m[:, tool] = self._depths_m(tool, poses[:, tool], touches[:, tool])
+            is_in = self._touched[tool] is not None or self._held[tool] is not None
+            if is_in or touches[:, tool].any() or holds[:, tool].any():
+                depth_m[:, tool] = self._depths_m(tool, poses[:, tool], touches[:, tool], holds[:, tool])
         return poses, depth_m
 
-    def _depths_m(self, tool: int, poses: Floats, touches: NDArray[np.bool_]) -> list[float]:
-        touched = self._touched[tool]
+    def _depths_m(self, tool: int, poses: Floats, touches: NDArray[np.bool_], holds: NDArray[np.bool_]) -> list[float]:
+        touched, held = self._touched[tool], self._held[tool]
         depths_m = []
-        for pose, is_touching in zip(poses, touches, strict=True):
-            if np.isnan(pose[0]):
+        for pose, is_touching, is_holding in zip(poses, touches, holds, strict=True):
+            is_placed = not np.isnan(pose[0])
+            held = (held or pose[:3].tolist()) if is_holding and is_placed else None
+            if held is not None:
+                # Jaws go any way with what they hold: up, as often as not.
+                depths_m.append(math.dist(held, pose[:3].tolist()))
+                continue
+            if not is_placed:
                 touched = None
             elif touched is None and is_touching:
                 touched = [*pose[:3].tolist(), *forward(pose[None, 3:])[0].tolist()]
@@ -61,7 +72,7 @@ class ToolWay:
                 if gone_m <= 0.0 and not is_touching:
                     touched = None
             depths_m.append(max(gone_m, 0.0))
-        self._touched[tool] = touched
+        self._touched[tool], self._held[tool] = touched, held
         return depths_m
 
 

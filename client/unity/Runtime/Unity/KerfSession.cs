@@ -10,6 +10,9 @@ namespace Kerf.Unity
     /// <summary>Starts a session or joins one, and shows its objects as children. One unit of this transform is a metre.</summary>
     public sealed class KerfSession : MonoBehaviour
     {
+        /// <summary>How far the lines of cuts stand out from an object, in sizes of it.</summary>
+        const float SeamHeight = 0.004f;
+
         [Tooltip("Address of the server.")]
         public string address = "http://127.0.0.1:50051";
 
@@ -117,9 +120,11 @@ namespace Kerf.Unity
             objects = new KerfTissue[joined.Scene.Objects.Count];
             for (var i = 0; i < objects.Length; i++)
             {
-                var child = new GameObject(joined.Scene.Objects[i].Name, typeof(MeshFilter), typeof(MeshRenderer));
+                var of = joined.Scene.Objects[i];
+                var child = new GameObject(of.Name, typeof(MeshFilter), typeof(MeshRenderer));
                 child.transform.SetParent(transform, false);
                 objects[i] = child.AddComponent<KerfTissue>();
+                objects[i].SeamHeightM = SeamHeight * (Frames.ToUnity(of.RestMaxM) - Frames.ToUnity(of.RestMinM)).magnitude;
                 objects[i].SetMaterials(Own(skin, "Skin"), Own(cutFace, "CutFace"), Own(seam, "Seam"));
             }
         }

@@ -10,10 +10,14 @@ namespace Kerf.Unity
     [RequireComponent(typeof(MeshFilter), typeof(MeshRenderer))]
     public sealed class KerfTissue : MonoBehaviour
     {
+        readonly SeamLine line = new SeamLine();
         Mesh mesh;
         float[] positionsM = new float[0];
         Vector3[] vertices = new Vector3[0];
         int structure = -1;
+
+        /// <summary>How far the lines stand out from the surface, m.</summary>
+        public float SeamHeightM { get; set; } = 5e-4f;
 
         void Awake()
         {
@@ -33,28 +37,36 @@ namespace Kerf.Unity
         /// <summary>Takes over where the object is; its triangles are made anew where the structure is.</summary>
         public void Show(Body body, int structureCount)
         {
-            Resize(body.VertexCount);
-            body.Positions(positionsM);
-            for (var i = 0; i < vertices.Length; i++) vertices[i] = new Vector3(positionsM[3 * i], positionsM[3 * i + 1], -positionsM[3 * i + 2]);
-            if (structure != structureCount) mesh.Clear();
-            mesh.vertices = vertices;
-            if (structure != structureCount)
+            var isNew = structure != structureCount;
+            int[] outside = null, lines = null;
+            if (isNew)
             {
                 structure = structureCount;
+                outside = Triangles(body, false);
+                lines = line.Restructure(body.Seam(), outside, body.VertexCount);
+                mesh.Clear();
+            }
+            Place(body);
+            mesh.vertices = vertices;
+            if (isNew)
+            {
                 mesh.subMeshCount = 3;
-                mesh.SetTriangles(Triangles(body, false), 0, false);
+                mesh.SetTriangles(outside, 0, false);
                 mesh.SetTriangles(Triangles(body, true), 1, false);
-                mesh.SetIndices(body.Seam(), MeshTopology.Lines, 2, false);
+                mesh.SetIndices(lines, MeshTopology.Lines, 2, false);
             }
             mesh.RecalculateNormals();
             mesh.RecalculateBounds();
         }
 
-        void Resize(int count)
+        void Place(Body body)
         {
-            if (vertices.Length == count) return;
-            vertices = new Vector3[count];
-            positionsM = new float[3 * count];
+            var count = body.VertexCount;
+            if (vertices.Length != count + line.Count) vertices = new Vector3[count + line.Count];
+            if (positionsM.Length != 3 * count) positionsM = new float[3 * count];
+            body.Positions(positionsM);
+            for (var i = 0; i < count; i++) vertices[i] = new Vector3(positionsM[3 * i], positionsM[3 * i + 1], -positionsM[3 * i + 2]);
+            line.Raise(vertices, SeamHeightM);
         }
 
         static int[] Triangles(Body body, bool cutFaces)

@@ -203,9 +203,23 @@ namespace UnityEngine
     [AttributeUsage(AttributeTargets.Class)]
     public sealed class RequireComponent : Attribute
     {
+        public RequireComponent(Type one)
+        {
+        }
+
         public RequireComponent(Type one, Type other)
         {
         }
+    }
+
+    [AttributeUsage(AttributeTargets.Class)]
+    public sealed class ExecuteAlways : Attribute
+    {
+    }
+
+    [AttributeUsage(AttributeTargets.Field)]
+    public sealed class SerializeField : Attribute
+    {
     }
 
     public class Object
@@ -307,6 +321,10 @@ namespace UnityEngine
         public static GameObject Find(string name) => all.Find(made => made.name == name);
 
         public T AddComponent<T>() where T : Component => (T)Add(typeof(T));
+
+        public Component AddComponent(Type type) => Add(type);
+
+        public T[] GetComponents<T>() where T : Component => parts.FindAll(part => part is T).ConvertAll(part => (T)part).ToArray();
 
         public T GetComponent<T>() where T : Component => (T)parts.Find(part => part is T);
 

@@ -66,141 +66,142 @@ namespace Kerf.V1 {
             "c2lvbkRlc2NyaXB0aW9uIhUKE0xpc3RTZXNzaW9uc1JlcXVlc3QifgoUTGlz",
             "dFNlc3Npb25zUmVzcG9uc2USJgoIc2Vzc2lvbnMYASADKAsyFC5rZXJmLnYx",
             "LlNlc3Npb25JbmZvEhcKD3NlcnZlcl9pbnN0YW5jZRgCIAEoCRIlCgZzZXJ2",
-            "ZXIYAyABKAsyFS5rZXJmLnYxLlNlcnZlclZpdGFscyJUCgxTZXJ2ZXJWaXRh",
+            "ZXIYAyABKAsyFS5rZXJmLnYxLlNlcnZlclZpdGFscyJvCgxTZXJ2ZXJWaXRh",
             "bHMSDwoHdmVyc2lvbhgBIAEoCRIdChVyZXNpZGVudF9tZW1vcnlfYnl0ZXMY",
-            "AiABKAQSFAoMbWF4X3Nlc3Npb25zGAMgASgNIikKE0Nsb3NlU2Vzc2lvblJl",
-            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRDbG9zZVNlc3Npb25SZXNw",
-            "b25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJmLnYxLlJlY29yZGluZyJL",
-            "CglSZWNvcmRpbmcSDAoEZmlsZRgBIAEoCRINCgVzdGVwcxgCIAEoBBISCgpp",
-            "c19jdXRfb2ZmGAMgASgIEg0KBWVycm9yGAQgASgJIhgKB0pvdXJuYWwSDQoF",
-            "ZXJyb3IYASABKAkiKQoTUGF1c2VTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9u",
-            "X2lkGAEgASgJIiQKFFBhdXNlU2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASAB",
-            "KAQiKgoUUmVzdW1lU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
-            "CSIlChVSZXN1bWVTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEoBCJbChJT",
-            "dGVwU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRINCgVzdGVw",
-            "cxgCIAEoDRIiCgZpbnB1dHMYAyADKAsyEi5rZXJmLnYxLlN0ZXBJbnB1dCIx",
-            "CglTdGVwSW5wdXQSJAoHbW90aW9ucxgBIAMoCzITLmtlcmYudjEuVG9vbE1v",
-            "dGlvbiJcCgpUb29sTW90aW9uEiEKBHBvc2UYASABKAsyES5rZXJmLnYxLlRv",
-            "b2xQb3NlSAASIQoEbGlmdBgCIAEoCzIRLmtlcmYudjEuTGlmdFRvb2xIAEII",
-            "CgZtb3Rpb24ieQoTU3RlcFNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgE",
-            "EiYKCG91dGNvbWVzGAIgAygLMhQua2VyZi52MS5TdGVwT3V0Y29tZRIYChB0",
-            "b3BvbG9neV92ZXJzaW9uGAMgASgEEhIKCnN0YXRlX2hhc2gYBCABKAYiRAoT",
-            "U3RlcFNlc3Npb25zUmVxdWVzdBItCghzZXNzaW9ucxgBIAMoCzIbLmtlcmYu",
-            "djEuU3RlcFNlc3Npb25SZXF1ZXN0IkYKFFN0ZXBTZXNzaW9uc1Jlc3BvbnNl",
-            "Ei4KCHNlc3Npb25zGAEgAygLMhwua2VyZi52MS5TdGVwU2Vzc2lvblJlc3Bv",
-            "bnNlIqoBCgtTdGVwT3V0Y29tZRIMCgRzdGVwGAEgASgEEhIKCnNpbV90aW1l",
-            "X3MYAiABKAESIgoIY29udGFjdHMYAyADKAsyEC5rZXJmLnYxLkNvbnRhY3QS",
-            "JQoGZW5lcmd5GAQgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJh",
-            "Y2tlZF9kaXNwbGFjZW1lbnRzX20YBSADKAsyDS5rZXJmLnYxLlZlYzMiKQoT",
-            "UmVzZXRTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFFJl",
-            "c2V0U2Vzc2lvblJlc3BvbnNlEiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYu",
-            "djEuUmVjb3JkaW5nIjkKFVNhdmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNz",
-            "aW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiJgoWU2F2ZUNoZWNrcG9pbnRS",
-            "ZXNwb25zZRIMCgRzdGVwGAEgASgEIjwKGFJlc3RvcmVDaGVja3BvaW50UmVx",
-            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiUAoZUmVz",
-            "dG9yZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEEiUKCXJlY29y",
-            "ZGluZxgCIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIiwKFkxpc3RDaGVja3Bv",
-            "aW50c1JlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSJDChdMaXN0Q2hlY2tw",
-            "b2ludHNSZXNwb25zZRIoCgtjaGVja3BvaW50cxgBIAMoCzITLmtlcmYudjEu",
-            "Q2hlY2twb2ludCI8CgpDaGVja3BvaW50EgwKBG5hbWUYASABKAkSDAoEc3Rl",
-            "cBgCIAEoBBISCgpzaW1fdGltZV9zGAMgASgBIjsKF0RlbGV0ZUNoZWNrcG9p",
-            "bnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIa",
-            "ChhEZWxldGVDaGVja3BvaW50UmVzcG9uc2UiPQoZRG93bmxvYWRDaGVja3Bv",
-            "aW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAki",
-            "KgoaRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEZGF0YRgBIAEoDCJJ",
-            "ChdVcGxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJ",
-            "EgwKBG5hbWUYAiABKAkSDAoEZGF0YRgDIAEoDCIoChhVcGxvYWRDaGVja3Bv",
-            "aW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBCIpChNJbnZpdGVWaWV3ZXJSZXF1",
-            "ZXN0EhIKCnNlc3Npb25faWQYASABKAkiOQoUSW52aXRlVmlld2VyUmVzcG9u",
-            "c2USDQoFdG9rZW4YASABKAkSEgoKZ29vZF9mb3JfcxgCIAEoASJlChFTZWVr",
-            "UmVwbGF5UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEhMKBnRpbWVfcxgC",
-            "IAEoAUgAiAEBEhIKBXNwZWVkGAMgASgBSAGIAQFCCQoHX3RpbWVfc0IICgZf",
-            "c3BlZWQiUwoSU2Vla1JlcGxheVJlc3BvbnNlEg4KBnRpbWVfcxgBIAEoARIQ",
-            "CghsZW5ndGhfcxgCIAEoARINCgVzcGVlZBgDIAEoARIMCgRzdGVwGAQgASgE",
-            "IrkBCgtTZXNzaW9uSW5mbxISCgpzZXNzaW9uX2lkGAEgASgJEhIKCnNjZW5l",
-            "X25hbWUYAiABKAkSJAoFc3RhdGUYAyABKA4yFS5rZXJmLnYxLlNlc3Npb25T",
-            "dGF0ZRIRCglpc19yZXBsYXkYBCABKAgSJgoGdml0YWxzGAUgASgLMhYua2Vy",
-            "Zi52MS5TZXNzaW9uVml0YWxzEiEKB2pvdXJuYWwYBiABKAsyEC5rZXJmLnYx",
-            "LkpvdXJuYWwi3QEKDVNlc3Npb25WaXRhbHMSFAoMc3RlcF9yYXRlX2h6GAEg",
-            "ASgBEg0KBXN0ZXBzGAIgASgEEhIKCmxhdGVfc3RlcHMYAyABKAQSDgoGYnVz",
-            "eV9zGAQgASgBEhYKDmxvbmdlc3Rfc3RlcF9zGAUgASgBEg8KB3ZpZXdlcnMY",
-            "BiABKA0SDwoHZHJpdmVycxgHIAEoDRIOCgZmYXVsdHMYCCABKAQSFAoMcGFy",
-            "dGVkX2xpbmtzGAkgASgEEhQKDG1lbW9yeV9ieXRlcxgKIAEoBBINCgVoYW5n",
-            "cxgLIAEoCCLJBAoSU2Vzc2lvbkRlc2NyaXB0aW9uEhIKCnNlc3Npb25faWQY",
-            "ASABKAkSJAoFc3RhdGUYAiABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIk",
-            "CgVzY2VuZRgDIAEoCzIVLmtlcmYudjEuU2NlbmVTdW1tYXJ5Eh8KBmxpbWl0",
-            "cxgEIAEoCzIPLmtlcmYudjEuTGltaXRzEgwKBHN0ZXAYBSABKAQSEgoKc2lt",
-            "X3RpbWVfcxgGIAEoARIYChB0b3BvbG9neV92ZXJzaW9uGAcgASgEEhIKCmxh",
-            "dGVfc3RlcHMYCCABKAQSDwoHdmlld2VycxgJIAEoDRIXCg9sZWFzZWRfdG9v",
-            "bF9pZHMYCiADKA0SJQoGZW5lcmd5GAsgASgLMhUua2VyZi52MS5FbmVyZ3lM",
-            "ZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRzX20YDCADKAsyDS5rZXJm",
-            "LnYxLlZlYzMSEgoKc3RhdGVfaGFzaBgNIAEoBhIPCgdmYWlsdXJlGA4gASgJ",
-            "EiEKBGRpYWwYDyABKAsyEy5rZXJmLnYxLkRpYWxDaG9pY2USGgoScmVsYXRp",
-            "dmVfdG9sZXJhbmNlGBAgASgBEgwKBGxvYWQYESABKAESFAoMbWVtb3J5X2J5",
-            "dGVzGBIgASgEEiUKCXJlY29yZGluZxgVIAEoCzISLmtlcmYudjEuUmVjb3Jk",
-            "aW5nEiEKB2pvdXJuYWwYFiABKAsyEC5rZXJmLnYxLkpvdXJuYWwSDwoHcHJp",
-            "dmF0ZRgXIAEoCCJfCgpEaWFsQ2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5r",
-            "ZXJmLnYxLkRpYWxTZXR0aW5nEioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52",
-            "MS5EaWFsRXhwZWN0YXRpb24ieQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASAB",
-            "KA0SEwoLdm94ZWxfc2NhbGUYAiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNl",
-            "GAMgASgBEg8KB2VsZW1lbnQYBCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMY",
-            "BSABKAgidwoPRGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIO",
-            "CgZwOTlfbXMYAiABKAESGgoSZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMK",
-            "C2ZvcmNlX2Vycm9yGAQgASgBEhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVy",
-            "Z3lMZWRnZXISEwoLdG9vbF93b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oY",
-            "AiABKAESEQoJZWxhc3RpY19qGAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIR",
-            "CglraW5ldGljX2oYBSABKAESEgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9u",
-            "dF9zbGlwX2oYByABKAESFAoMaW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRp",
-            "bmdfahgJIAEoARIRCglkYW1waW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oY",
-            "CyABKAESEgoKcmVzaWR1YWxfahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgB",
-            "EhYKDmNvbnRhY3RfbG9zc19qGA4gASgBKrABCgtNYWtpbmdTdGFnZRIcChhN",
-            "QUtJTkdfU1RBR0VfVU5TUEVDSUZJRUQQABIYChRNQUtJTkdfU1RBR0VfUkVB",
-            "RElORxABEhcKE01BS0lOR19TVEFHRV9WT1hFTFMQAhIZChVNQUtJTkdfU1RB",
-            "R0VfRUxFTUVOVFMQAxIXChNNQUtJTkdfU1RBR0VfU09MVkVSEAQSHAoYTUFL",
-            "SU5HX1NUQUdFX0VRVUlMSUJSSVVNEAUyhQ8KDlNlc3Npb25TZXJ2aWNlEkUK",
-            "Ckxpc3RTY2VuZXMSGi5rZXJmLnYxLkxpc3RTY2VuZXNSZXF1ZXN0Ghsua2Vy",
-            "Zi52MS5MaXN0U2NlbmVzUmVzcG9uc2USPwoIR2V0U2NlbmUSGC5rZXJmLnYx",
-            "LkdldFNjZW5lUmVxdWVzdBoZLmtlcmYudjEuR2V0U2NlbmVSZXNwb25zZRJO",
-            "Cg1DcmVhdGVTZXNzaW9uEh0ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVxdWVz",
-            "dBoeLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlc3BvbnNlEkoKC01ha2VTZXNz",
-            "aW9uEhsua2VyZi52MS5NYWtlU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLk1h",
-            "a2VTZXNzaW9uUmVzcG9uc2UwARJKCgtVcGxvYWRTY2VuZRIbLmtlcmYudjEu",
-            "VXBsb2FkU2NlbmVSZXF1ZXN0Ghwua2VyZi52MS5VcGxvYWRTY2VuZVJlc3Bv",
-            "bnNlKAESTgoNU2VuZFNjZW5lRmlsZRIdLmtlcmYudjEuU2VuZFNjZW5lRmls",
-            "ZVJlcXVlc3QaHi5rZXJmLnYxLlNlbmRTY2VuZUZpbGVSZXNwb25zZRJUCg9E",
-            "ZXNjcmliZVNlc3Npb24SHy5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlcXVl",
-            "c3QaIC5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEksKDExpc3RT",
-            "ZXNzaW9ucxIcLmtlcmYudjEuTGlzdFNlc3Npb25zUmVxdWVzdBodLmtlcmYu",
-            "djEuTGlzdFNlc3Npb25zUmVzcG9uc2USSwoMQ2xvc2VTZXNzaW9uEhwua2Vy",
-            "Zi52MS5DbG9zZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5DbG9zZVNlc3Np",
-            "b25SZXNwb25zZRJLCgxQYXVzZVNlc3Npb24SHC5rZXJmLnYxLlBhdXNlU2Vz",
-            "c2lvblJlcXVlc3QaHS5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlc3BvbnNlEk4K",
-            "DVJlc3VtZVNlc3Npb24SHS5rZXJmLnYxLlJlc3VtZVNlc3Npb25SZXF1ZXN0",
-            "Gh4ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVzcG9uc2USSAoLU3RlcFNlc3Np",
-            "b24SGy5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuU3Rl",
-            "cFNlc3Npb25SZXNwb25zZRJLCgxTdGVwU2Vzc2lvbnMSHC5rZXJmLnYxLlN0",
-            "ZXBTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLlN0ZXBTZXNzaW9uc1Jlc3Bv",
-            "bnNlEksKDFJlc2V0U2Vzc2lvbhIcLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVx",
-            "dWVzdBodLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVzcG9uc2USUQoOU2F2ZUNo",
-            "ZWNrcG9pbnQSHi5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVxdWVzdBofLmtl",
-            "cmYudjEuU2F2ZUNoZWNrcG9pbnRSZXNwb25zZRJaChFSZXN0b3JlQ2hlY2tw",
-            "b2ludBIhLmtlcmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXF1ZXN0GiIua2Vy",
-            "Zi52MS5SZXN0b3JlQ2hlY2twb2ludFJlc3BvbnNlElQKD0xpc3RDaGVja3Bv",
-            "aW50cxIfLmtlcmYudjEuTGlzdENoZWNrcG9pbnRzUmVxdWVzdBogLmtlcmYu",
-            "djEuTGlzdENoZWNrcG9pbnRzUmVzcG9uc2USVwoQRGVsZXRlQ2hlY2twb2lu",
-            "dBIgLmtlcmYudjEuRGVsZXRlQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYx",
-            "LkRlbGV0ZUNoZWNrcG9pbnRSZXNwb25zZRJfChJEb3dubG9hZENoZWNrcG9p",
-            "bnQSIi5rZXJmLnYxLkRvd25sb2FkQ2hlY2twb2ludFJlcXVlc3QaIy5rZXJm",
-            "LnYxLkRvd25sb2FkQ2hlY2twb2ludFJlc3BvbnNlMAESWQoQVXBsb2FkQ2hl",
-            "Y2twb2ludBIgLmtlcmYudjEuVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QaIS5r",
-            "ZXJmLnYxLlVwbG9hZENoZWNrcG9pbnRSZXNwb25zZSgBEksKDEludml0ZVZp",
-            "ZXdlchIcLmtlcmYudjEuSW52aXRlVmlld2VyUmVxdWVzdBodLmtlcmYudjEu",
-            "SW52aXRlVmlld2VyUmVzcG9uc2USSAoLTW92ZVNlc3Npb24SGy5rZXJmLnYx",
-            "Lk1vdmVTZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuTW92ZVNlc3Npb25SZXNw",
-            "b25zZRJKCgtUYWtlU2Vzc2lvbhIbLmtlcmYudjEuVGFrZVNlc3Npb25SZXF1",
-            "ZXN0Ghwua2VyZi52MS5UYWtlU2Vzc2lvblJlc3BvbnNlKAESRQoKU2Vla1Jl",
-            "cGxheRIaLmtlcmYudjEuU2Vla1JlcGxheVJlcXVlc3QaGy5rZXJmLnYxLlNl",
-            "ZWtSZXBsYXlSZXNwb25zZWIGcHJvdG8z"));
+            "AiABKAQSFAoMbWF4X3Nlc3Npb25zGAMgASgNEhkKEWV4cGVjdGVkX3Nlc3Np",
+            "b25zGAQgASgNIikKE0Nsb3NlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9p",
+            "ZBgBIAEoCSI9ChRDbG9zZVNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcY",
+            "ASABKAsyEi5rZXJmLnYxLlJlY29yZGluZyJLCglSZWNvcmRpbmcSDAoEZmls",
+            "ZRgBIAEoCRINCgVzdGVwcxgCIAEoBBISCgppc19jdXRfb2ZmGAMgASgIEg0K",
+            "BWVycm9yGAQgASgJIhgKB0pvdXJuYWwSDQoFZXJyb3IYASABKAkiKQoTUGF1",
+            "c2VTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIiQKFFBhdXNl",
+            "U2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQiKgoUUmVzdW1lU2Vzc2lv",
+            "blJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSIlChVSZXN1bWVTZXNzaW9u",
+            "UmVzcG9uc2USDAoEc3RlcBgBIAEoBCJbChJTdGVwU2Vzc2lvblJlcXVlc3QS",
+            "EgoKc2Vzc2lvbl9pZBgBIAEoCRINCgVzdGVwcxgCIAEoDRIiCgZpbnB1dHMY",
+            "AyADKAsyEi5rZXJmLnYxLlN0ZXBJbnB1dCIxCglTdGVwSW5wdXQSJAoHbW90",
+            "aW9ucxgBIAMoCzITLmtlcmYudjEuVG9vbE1vdGlvbiJcCgpUb29sTW90aW9u",
+            "EiEKBHBvc2UYASABKAsyES5rZXJmLnYxLlRvb2xQb3NlSAASIQoEbGlmdBgC",
+            "IAEoCzIRLmtlcmYudjEuTGlmdFRvb2xIAEIICgZtb3Rpb24ieQoTU3RlcFNl",
+            "c3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgEEiYKCG91dGNvbWVzGAIgAygL",
+            "MhQua2VyZi52MS5TdGVwT3V0Y29tZRIYChB0b3BvbG9neV92ZXJzaW9uGAMg",
+            "ASgEEhIKCnN0YXRlX2hhc2gYBCABKAYiRAoTU3RlcFNlc3Npb25zUmVxdWVz",
+            "dBItCghzZXNzaW9ucxgBIAMoCzIbLmtlcmYudjEuU3RlcFNlc3Npb25SZXF1",
+            "ZXN0IkYKFFN0ZXBTZXNzaW9uc1Jlc3BvbnNlEi4KCHNlc3Npb25zGAEgAygL",
+            "Mhwua2VyZi52MS5TdGVwU2Vzc2lvblJlc3BvbnNlIqoBCgtTdGVwT3V0Y29t",
+            "ZRIMCgRzdGVwGAEgASgEEhIKCnNpbV90aW1lX3MYAiABKAESIgoIY29udGFj",
+            "dHMYAyADKAsyEC5rZXJmLnYxLkNvbnRhY3QSJQoGZW5lcmd5GAQgASgLMhUu",
+            "a2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRz",
+            "X20YBSADKAsyDS5rZXJmLnYxLlZlYzMiKQoTUmVzZXRTZXNzaW9uUmVxdWVz",
+            "dBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFFJlc2V0U2Vzc2lvblJlc3BvbnNl",
+            "EiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIjkKFVNh",
+            "dmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5h",
+            "bWUYAiABKAkiJgoWU2F2ZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEg",
+            "ASgEIjwKGFJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lk",
+            "GAEgASgJEgwKBG5hbWUYAiABKAkiUAoZUmVzdG9yZUNoZWNrcG9pbnRSZXNw",
+            "b25zZRIMCgRzdGVwGAEgASgEEiUKCXJlY29yZGluZxgCIAEoCzISLmtlcmYu",
+            "djEuUmVjb3JkaW5nIiwKFkxpc3RDaGVja3BvaW50c1JlcXVlc3QSEgoKc2Vz",
+            "c2lvbl9pZBgBIAEoCSJDChdMaXN0Q2hlY2twb2ludHNSZXNwb25zZRIoCgtj",
+            "aGVja3BvaW50cxgBIAMoCzITLmtlcmYudjEuQ2hlY2twb2ludCI8CgpDaGVj",
+            "a3BvaW50EgwKBG5hbWUYASABKAkSDAoEc3RlcBgCIAEoBBISCgpzaW1fdGlt",
+            "ZV9zGAMgASgBIjsKF0RlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Np",
+            "b25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIaChhEZWxldGVDaGVja3BvaW50",
+            "UmVzcG9uc2UiPQoZRG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNz",
+            "aW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiKgoaRG93bmxvYWRDaGVja3Bv",
+            "aW50UmVzcG9uc2USDAoEZGF0YRgBIAEoDCJJChdVcGxvYWRDaGVja3BvaW50",
+            "UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkSDAoE",
+            "ZGF0YRgDIAEoDCIoChhVcGxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEc3Rl",
+            "cBgBIAEoBCIpChNJbnZpdGVWaWV3ZXJSZXF1ZXN0EhIKCnNlc3Npb25faWQY",
+            "ASABKAkiOQoUSW52aXRlVmlld2VyUmVzcG9uc2USDQoFdG9rZW4YASABKAkS",
+            "EgoKZ29vZF9mb3JfcxgCIAEoASJlChFTZWVrUmVwbGF5UmVxdWVzdBISCgpz",
+            "ZXNzaW9uX2lkGAEgASgJEhMKBnRpbWVfcxgCIAEoAUgAiAEBEhIKBXNwZWVk",
+            "GAMgASgBSAGIAQFCCQoHX3RpbWVfc0IICgZfc3BlZWQiUwoSU2Vla1JlcGxh",
+            "eVJlc3BvbnNlEg4KBnRpbWVfcxgBIAEoARIQCghsZW5ndGhfcxgCIAEoARIN",
+            "CgVzcGVlZBgDIAEoARIMCgRzdGVwGAQgASgEIrkBCgtTZXNzaW9uSW5mbxIS",
+            "CgpzZXNzaW9uX2lkGAEgASgJEhIKCnNjZW5lX25hbWUYAiABKAkSJAoFc3Rh",
+            "dGUYAyABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIRCglpc19yZXBsYXkY",
+            "BCABKAgSJgoGdml0YWxzGAUgASgLMhYua2VyZi52MS5TZXNzaW9uVml0YWxz",
+            "EiEKB2pvdXJuYWwYBiABKAsyEC5rZXJmLnYxLkpvdXJuYWwi3QEKDVNlc3Np",
+            "b25WaXRhbHMSFAoMc3RlcF9yYXRlX2h6GAEgASgBEg0KBXN0ZXBzGAIgASgE",
+            "EhIKCmxhdGVfc3RlcHMYAyABKAQSDgoGYnVzeV9zGAQgASgBEhYKDmxvbmdl",
+            "c3Rfc3RlcF9zGAUgASgBEg8KB3ZpZXdlcnMYBiABKA0SDwoHZHJpdmVycxgH",
+            "IAEoDRIOCgZmYXVsdHMYCCABKAQSFAoMcGFydGVkX2xpbmtzGAkgASgEEhQK",
+            "DG1lbW9yeV9ieXRlcxgKIAEoBBINCgVoYW5ncxgLIAEoCCLJBAoSU2Vzc2lv",
+            "bkRlc2NyaXB0aW9uEhIKCnNlc3Npb25faWQYASABKAkSJAoFc3RhdGUYAiAB",
+            "KA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIkCgVzY2VuZRgDIAEoCzIVLmtl",
+            "cmYudjEuU2NlbmVTdW1tYXJ5Eh8KBmxpbWl0cxgEIAEoCzIPLmtlcmYudjEu",
+            "TGltaXRzEgwKBHN0ZXAYBSABKAQSEgoKc2ltX3RpbWVfcxgGIAEoARIYChB0",
+            "b3BvbG9neV92ZXJzaW9uGAcgASgEEhIKCmxhdGVfc3RlcHMYCCABKAQSDwoH",
+            "dmlld2VycxgJIAEoDRIXCg9sZWFzZWRfdG9vbF9pZHMYCiADKA0SJQoGZW5l",
+            "cmd5GAsgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tlZF9k",
+            "aXNwbGFjZW1lbnRzX20YDCADKAsyDS5rZXJmLnYxLlZlYzMSEgoKc3RhdGVf",
+            "aGFzaBgNIAEoBhIPCgdmYWlsdXJlGA4gASgJEiEKBGRpYWwYDyABKAsyEy5r",
+            "ZXJmLnYxLkRpYWxDaG9pY2USGgoScmVsYXRpdmVfdG9sZXJhbmNlGBAgASgB",
+            "EgwKBGxvYWQYESABKAESFAoMbWVtb3J5X2J5dGVzGBIgASgEEiUKCXJlY29y",
+            "ZGluZxgVIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nEiEKB2pvdXJuYWwYFiAB",
+            "KAsyEC5rZXJmLnYxLkpvdXJuYWwSDwoHcHJpdmF0ZRgXIAEoCCJfCgpEaWFs",
+            "Q2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5rZXJmLnYxLkRpYWxTZXR0aW5n",
+            "EioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52MS5EaWFsRXhwZWN0YXRpb24i",
+            "eQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASABKA0SEwoLdm94ZWxfc2NhbGUY",
+            "AiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNlGAMgASgBEg8KB2VsZW1lbnQY",
+            "BCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMYBSABKAgidwoPRGlhbEV4cGVj",
+            "dGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIOCgZwOTlfbXMYAiABKAESGgoS",
+            "ZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMKC2ZvcmNlX2Vycm9yGAQgASgB",
+            "EhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVyZ3lMZWRnZXISEwoLdG9vbF93",
+            "b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oYAiABKAESEQoJZWxhc3RpY19q",
+            "GAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIRCglraW5ldGljX2oYBSABKAES",
+            "EgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9udF9zbGlwX2oYByABKAESFAoM",
+            "aW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRpbmdfahgJIAEoARIRCglkYW1w",
+            "aW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oYCyABKAESEgoKcmVzaWR1YWxf",
+            "ahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgBEhYKDmNvbnRhY3RfbG9zc19q",
+            "GA4gASgBKrABCgtNYWtpbmdTdGFnZRIcChhNQUtJTkdfU1RBR0VfVU5TUEVD",
+            "SUZJRUQQABIYChRNQUtJTkdfU1RBR0VfUkVBRElORxABEhcKE01BS0lOR19T",
+            "VEFHRV9WT1hFTFMQAhIZChVNQUtJTkdfU1RBR0VfRUxFTUVOVFMQAxIXChNN",
+            "QUtJTkdfU1RBR0VfU09MVkVSEAQSHAoYTUFLSU5HX1NUQUdFX0VRVUlMSUJS",
+            "SVVNEAUyhQ8KDlNlc3Npb25TZXJ2aWNlEkUKCkxpc3RTY2VuZXMSGi5rZXJm",
+            "LnYxLkxpc3RTY2VuZXNSZXF1ZXN0Ghsua2VyZi52MS5MaXN0U2NlbmVzUmVz",
+            "cG9uc2USPwoIR2V0U2NlbmUSGC5rZXJmLnYxLkdldFNjZW5lUmVxdWVzdBoZ",
+            "LmtlcmYudjEuR2V0U2NlbmVSZXNwb25zZRJOCg1DcmVhdGVTZXNzaW9uEh0u",
+            "a2VyZi52MS5DcmVhdGVTZXNzaW9uUmVxdWVzdBoeLmtlcmYudjEuQ3JlYXRl",
+            "U2Vzc2lvblJlc3BvbnNlEkoKC01ha2VTZXNzaW9uEhsua2VyZi52MS5NYWtl",
+            "U2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLk1ha2VTZXNzaW9uUmVzcG9uc2Uw",
+            "ARJKCgtVcGxvYWRTY2VuZRIbLmtlcmYudjEuVXBsb2FkU2NlbmVSZXF1ZXN0",
+            "Ghwua2VyZi52MS5VcGxvYWRTY2VuZVJlc3BvbnNlKAESTgoNU2VuZFNjZW5l",
+            "RmlsZRIdLmtlcmYudjEuU2VuZFNjZW5lRmlsZVJlcXVlc3QaHi5rZXJmLnYx",
+            "LlNlbmRTY2VuZUZpbGVSZXNwb25zZRJUCg9EZXNjcmliZVNlc3Npb24SHy5r",
+            "ZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlcXVlc3QaIC5rZXJmLnYxLkRlc2Ny",
+            "aWJlU2Vzc2lvblJlc3BvbnNlEksKDExpc3RTZXNzaW9ucxIcLmtlcmYudjEu",
+            "TGlzdFNlc3Npb25zUmVxdWVzdBodLmtlcmYudjEuTGlzdFNlc3Npb25zUmVz",
+            "cG9uc2USSwoMQ2xvc2VTZXNzaW9uEhwua2VyZi52MS5DbG9zZVNlc3Npb25S",
+            "ZXF1ZXN0Gh0ua2VyZi52MS5DbG9zZVNlc3Npb25SZXNwb25zZRJLCgxQYXVz",
+            "ZVNlc3Npb24SHC5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlcXVlc3QaHS5rZXJm",
+            "LnYxLlBhdXNlU2Vzc2lvblJlc3BvbnNlEk4KDVJlc3VtZVNlc3Npb24SHS5r",
+            "ZXJmLnYxLlJlc3VtZVNlc3Npb25SZXF1ZXN0Gh4ua2VyZi52MS5SZXN1bWVT",
+            "ZXNzaW9uUmVzcG9uc2USSAoLU3RlcFNlc3Npb24SGy5rZXJmLnYxLlN0ZXBT",
+            "ZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuU3RlcFNlc3Npb25SZXNwb25zZRJL",
+            "CgxTdGVwU2Vzc2lvbnMSHC5rZXJmLnYxLlN0ZXBTZXNzaW9uc1JlcXVlc3Qa",
+            "HS5rZXJmLnYxLlN0ZXBTZXNzaW9uc1Jlc3BvbnNlEksKDFJlc2V0U2Vzc2lv",
+            "bhIcLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuUmVz",
+            "ZXRTZXNzaW9uUmVzcG9uc2USUQoOU2F2ZUNoZWNrcG9pbnQSHi5rZXJmLnYx",
+            "LlNhdmVDaGVja3BvaW50UmVxdWVzdBofLmtlcmYudjEuU2F2ZUNoZWNrcG9p",
+            "bnRSZXNwb25zZRJaChFSZXN0b3JlQ2hlY2twb2ludBIhLmtlcmYudjEuUmVz",
+            "dG9yZUNoZWNrcG9pbnRSZXF1ZXN0GiIua2VyZi52MS5SZXN0b3JlQ2hlY2tw",
+            "b2ludFJlc3BvbnNlElQKD0xpc3RDaGVja3BvaW50cxIfLmtlcmYudjEuTGlz",
+            "dENoZWNrcG9pbnRzUmVxdWVzdBogLmtlcmYudjEuTGlzdENoZWNrcG9pbnRz",
+            "UmVzcG9uc2USVwoQRGVsZXRlQ2hlY2twb2ludBIgLmtlcmYudjEuRGVsZXRl",
+            "Q2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9pbnRS",
+            "ZXNwb25zZRJfChJEb3dubG9hZENoZWNrcG9pbnQSIi5rZXJmLnYxLkRvd25s",
+            "b2FkQ2hlY2twb2ludFJlcXVlc3QaIy5rZXJmLnYxLkRvd25sb2FkQ2hlY2tw",
+            "b2ludFJlc3BvbnNlMAESWQoQVXBsb2FkQ2hlY2twb2ludBIgLmtlcmYudjEu",
+            "VXBsb2FkQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLlVwbG9hZENoZWNr",
+            "cG9pbnRSZXNwb25zZSgBEksKDEludml0ZVZpZXdlchIcLmtlcmYudjEuSW52",
+            "aXRlVmlld2VyUmVxdWVzdBodLmtlcmYudjEuSW52aXRlVmlld2VyUmVzcG9u",
+            "c2USSAoLTW92ZVNlc3Npb24SGy5rZXJmLnYxLk1vdmVTZXNzaW9uUmVxdWVz",
+            "dBocLmtlcmYudjEuTW92ZVNlc3Npb25SZXNwb25zZRJKCgtUYWtlU2Vzc2lv",
+            "bhIbLmtlcmYudjEuVGFrZVNlc3Npb25SZXF1ZXN0Ghwua2VyZi52MS5UYWtl",
+            "U2Vzc2lvblJlc3BvbnNlKAESRQoKU2Vla1JlcGxheRIaLmtlcmYudjEuU2Vl",
+            "a1JlcGxheVJlcXVlc3QaGy5rZXJmLnYxLlNlZWtSZXBsYXlSZXNwb25zZWIG",
+            "cHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.MakingStage), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -227,7 +228,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DescribeSessionResponse), global::Kerf.V1.DescribeSessionResponse.Parser, new[]{ "Session" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListSessionsRequest), global::Kerf.V1.ListSessionsRequest.Parser, null, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListSessionsResponse), global::Kerf.V1.ListSessionsResponse.Parser, new[]{ "Sessions", "ServerInstance", "Server" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ServerVitals), global::Kerf.V1.ServerVitals.Parser, new[]{ "Version", "ResidentMemoryBytes", "MaxSessions" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ServerVitals), global::Kerf.V1.ServerVitals.Parser, new[]{ "Version", "ResidentMemoryBytes", "MaxSessions", "ExpectedSessions" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CloseSessionRequest), global::Kerf.V1.CloseSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CloseSessionResponse), global::Kerf.V1.CloseSessionResponse.Parser, new[]{ "Recording" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Recording), global::Kerf.V1.Recording.Parser, new[]{ "File", "Steps", "IsCutOff", "Error" }, null, null, null, null),
@@ -6213,6 +6214,7 @@ namespace Kerf.V1 {
       version_ = other.version_;
       residentMemoryBytes_ = other.residentMemoryBytes_;
       maxSessions_ = other.maxSessions_;
+      expectedSessions_ = other.expectedSessions_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -6267,6 +6269,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "expected_sessions" field.</summary>
+    public const int ExpectedSessionsFieldNumber = 4;
+    private uint expectedSessions_;
+    /// <summary>
+    /// Sessions of the server before that are not back yet: calls to them are refused with UNAVAILABLE until they are.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint ExpectedSessions {
+      get { return expectedSessions_; }
+      set {
+        expectedSessions_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -6285,6 +6302,7 @@ namespace Kerf.V1 {
       if (Version != other.Version) return false;
       if (ResidentMemoryBytes != other.ResidentMemoryBytes) return false;
       if (MaxSessions != other.MaxSessions) return false;
+      if (ExpectedSessions != other.ExpectedSessions) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -6295,6 +6313,7 @@ namespace Kerf.V1 {
       if (Version.Length != 0) hash ^= Version.GetHashCode();
       if (ResidentMemoryBytes != 0UL) hash ^= ResidentMemoryBytes.GetHashCode();
       if (MaxSessions != 0) hash ^= MaxSessions.GetHashCode();
+      if (ExpectedSessions != 0) hash ^= ExpectedSessions.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -6325,6 +6344,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(24);
         output.WriteUInt32(MaxSessions);
       }
+      if (ExpectedSessions != 0) {
+        output.WriteRawTag(32);
+        output.WriteUInt32(ExpectedSessions);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -6347,6 +6370,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(24);
         output.WriteUInt32(MaxSessions);
       }
+      if (ExpectedSessions != 0) {
+        output.WriteRawTag(32);
+        output.WriteUInt32(ExpectedSessions);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -6365,6 +6392,9 @@ namespace Kerf.V1 {
       }
       if (MaxSessions != 0) {
         size += 1 + pb::CodedOutputStream.ComputeUInt32Size(MaxSessions);
+      }
+      if (ExpectedSessions != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(ExpectedSessions);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -6386,6 +6416,9 @@ namespace Kerf.V1 {
       }
       if (other.MaxSessions != 0) {
         MaxSessions = other.MaxSessions;
+      }
+      if (other.ExpectedSessions != 0) {
+        ExpectedSessions = other.ExpectedSessions;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -6414,6 +6447,10 @@ namespace Kerf.V1 {
             MaxSessions = input.ReadUInt32();
             break;
           }
+          case 32: {
+            ExpectedSessions = input.ReadUInt32();
+            break;
+          }
         }
       }
     #endif
@@ -6439,6 +6476,10 @@ namespace Kerf.V1 {
           }
           case 24: {
             MaxSessions = input.ReadUInt32();
+            break;
+          }
+          case 32: {
+            ExpectedSessions = input.ReadUInt32();
             break;
           }
         }
