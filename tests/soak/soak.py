@@ -33,6 +33,8 @@ RATE_HZ = 20.0
 # Of the time: the server is killed in it.
 KILLS = 0.25
 SAMPLE_S = 2.0
+# Longer than any session takes to come back, on a machine that is busy with others.
+BACK_S = 60.0
 # What each may grow by between the first and the last quarter of the server's last life, over what it was.
 MOST_GROWTH = 0.05
 # Idle connections and caches come and go: so many descriptors and threads may be left when all clients have gone.
@@ -94,6 +96,8 @@ class Soak:
     wrong: list[str] = field(default_factory=list)
     # Sessions that have been there for long enough to be on the disk.
     alive: dict[str, float] = field(default_factory=dict)
+    # Until all sessions were back after a kill, at most.
+    slowest_back_s: float = 0.0
 
     def note(self, what: str) -> None:
         """One more of these is done."""
@@ -190,13 +194,18 @@ class Soak:
             there = set(client.sessions())
         self.server.kill()
         self.server.start()
+        began = time.monotonic()
+        lost = [session for session in before if session in there]
         with kerf.Client(self.server.address) as client:
-            back = set(client.sessions())
-        with self.lock:
-            closed = [session for session in before if session not in self.alive]
-        lost = [session for session in before if session in there and session not in back and session not in closed]
+            # Each is back as soon as it is restored.
+            while lost and time.monotonic() < began + BACK_S:
+                back = set(client.sessions())
+                with self.lock:
+                    lost = [session for session in lost if session not in back and session in self.alive]
+                time.sleep(0.05)
         if lost:
             self.wrong.append(f"a kill lost {lost}")
+        self.slowest_back_s = max(self.slowest_back_s, time.monotonic() - began)
         self.note("killed")
 
 
@@ -258,6 +267,7 @@ def main() -> int:
         table.writeheader()
         table.writerows(samples)
     print(f"done: {dict(soak.done)}; refused: {dict(soak.refused)}")
+    print(f"all sessions were back {soak.slowest_back_s:.1f} s after a kill at most")
     wrong = soak.wrong
     for what in ("memory_kib", "descriptors", "threads"):
         first, last = quarter(samples, 0, what), quarter(samples, 3, what)

@@ -1,10 +1,13 @@
 import json
+import socket
 import struct
+import subprocess
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import BLOCK, down
+from conftest import BLOCK, PROGRAM, down
 
 import kerf
 from kerf import surface_hash
@@ -239,6 +242,45 @@ def test_a_recorded_stream_is_decoded_as_it_is_written_down(name):
             place = int(np.searchsorted(surface.vertex_ids, vertex["id"]))
             assert np.allclose(surface.vertices_m[place], vertex["position_m"], rtol=0, atol=1e-7)
     assert next(expected, None) is None
+
+
+def test_a_view_goes_on_with_a_session_that_comes_back_after_a_kill(tmp_path):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{probe.getsockname()[1]}"
+
+    def start():
+        command = [PROGRAM, "serve", "--listen", address, "--log-filter", "error", "--set", f"journal_dir={tmp_path}"]
+        return subprocess.Popen(command)
+
+    process = start()
+    try:
+        with kerf.Client(address) as client:
+            client.wait_until_ready(30.0)
+            session = client.create_session(path=BLOCK)
+            with session.view() as view:
+                result = session.drive([0.0, 0.08], down(0.012, 0.004))
+                before = view.surface(step=int(result.steps[-1]))
+                time.sleep(0.5)
+                process.kill()
+                process.wait()
+                process = start()
+                client.wait_until_ready(30.0)
+                deadline = time.monotonic() + 30.0
+                while True:
+                    try:
+                        session.step(1)
+                        break
+                    except kerf.UnavailableError:
+                        # It is not back yet.
+                        assert time.monotonic() < deadline
+                        time.sleep(0.05)
+                after = view.surface(step=int(result.steps[-1]) + 1, timeout_s=20.0)
+                assert (after.vertex_ids == before.vertex_ids).all() and (after.quads == before.quads).all()
+                assert before.is_cut.any()
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_a_view_whose_connection_is_closed_ends_in_words(server):

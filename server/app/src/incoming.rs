@@ -8,7 +8,7 @@ use std::net::{IpAddr, Ipv6Addr};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, ready};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_util::future::{Fuse, FutureExt};
 use futures_util::{Stream, stream};
@@ -27,6 +27,8 @@ use crate::traffic::Traffic;
 /// Time to wait when a connection cannot be accepted: the process is out of file descriptors, and
 /// only the end of other connections helps.
 const ACCEPT_RETRY: Duration = Duration::from_millis(50);
+/// Refused connections are told of at most so often: whoever is refused tries again.
+const TELL: Duration = Duration::from_secs(5);
 /// Bytes that HTTP/2 begins a connection with. From then on the protocol's own pings find out who is not there;
 /// a request of HTTP/1.1 that is shorter is whole with them.
 const PREFACE_BYTES: usize = 24;
@@ -133,9 +135,12 @@ async fn accept(listener: &TcpListener, places: &Arc<Places>) -> (TcpStream, Pla
         match listener.accept().await {
             Ok((stream, address)) => {
                 // Closed at once where it is one too many: its peer's others go on.
-                let Some(place) = places.take(host(address.ip())) else {
-                    places.traffic.refused.add(1);
-                    continue;
+                let place = match places.take(host(address.ip())) {
+                    Ok(place) => place,
+                    Err(limit) => {
+                        places.refuse(address.ip(), limit);
+                        continue;
+                    }
                 };
                 // A held-back small message costs a round trip; a socket without the option still works.
                 if let Err(error) = stream.set_nodelay(true) {
@@ -171,6 +176,8 @@ struct Places {
 #[derive(Default)]
 struct Taken {
     next_id: u64,
+    /// When it was last told that a connection was refused.
+    told: Option<Instant>,
     /// In the order of their coming: the peer, and what ends the connection by its own end.
     connections: BTreeMap<u64, (IpAddr, oneshot::Sender<()>)>,
 }
@@ -180,25 +187,37 @@ impl Places {
         self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place for another connection of a peer, unless it has as many as it may. Where all are taken, the peer that has
-    /// most gives up its newest, if it has more than this one will.
-    fn take(self: &Arc<Self>, peer: IpAddr) -> Option<Place> {
+    /// Counts a connection that was refused, and tells of it unless that was told a moment ago: nobody else can, as its peer
+    /// sees an end without a word.
+    fn refuse(&self, peer: IpAddr, limit: &str) {
+        self.traffic.refused.add(1);
+        let told = &mut self.lock().told;
+        if told.is_none_or(|told| told.elapsed() > TELL) {
+            *told = Some(Instant::now());
+            let refused = self.traffic.refused.get();
+            tracing::warn!(%peer, limit, refused, "a connection was refused: as many as the limit says are open");
+        }
+    }
+
+    /// A place for another connection of a peer, or the limit that is in the way: it has as many as it may. Where all are
+    /// taken, the peer that has most gives up its newest, if it has more than this one will.
+    fn take(self: &Arc<Self>, peer: IpAddr) -> Result<Place, &'static str> {
         let mut taken = self.lock();
         let count = |of: IpAddr| taken.connections.values().filter(|(peer, _)| *peer == of).count();
         let own = count(peer);
         if own >= self.max_of_peer {
-            return None;
+            return Err("transport.max_connections_per_peer");
         }
         if taken.connections.len() >= self.max {
             let crowd = taken.connections.iter().map(|(id, (peer, _))| (count(*peer), *id));
-            let (_, newest) = crowd.max().filter(|(most, _)| *most > own + 1)?;
+            let (_, newest) = crowd.max().filter(|(most, _)| *most > own + 1).ok_or("transport.max_connections")?;
             taken.connections.remove(&newest);
         }
         let (id, (connection, given_up)) = (taken.next_id, oneshot::channel());
         taken.next_id += 1;
         taken.connections.insert(id, (peer, connection));
         self.traffic.begin();
-        Some(Place { id, places: Arc::clone(self), given_up: given_up.fuse() })
+        Ok(Place { id, places: Arc::clone(self), given_up: given_up.fuse() })
     }
 }
 

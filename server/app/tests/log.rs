@@ -1,9 +1,12 @@
-//! A log that nobody reads, or that takes nothing, costs no session.
+//! A log that nobody reads, or that takes nothing, costs no session; what it says of refused connections.
 
 use std::fs::File;
+use std::io::Read;
+use std::net::TcpStream;
 use std::process::{ExitStatus, Stdio};
+use std::time::Duration;
 
-use super::process::Process;
+use super::process::{Process, soon};
 
 /// Steps that a session goes on by: a second of them.
 const STEPS: u64 = 500;
@@ -40,4 +43,24 @@ async fn a_log_whose_reader_has_gone_stops_neither_sessions_nor_the_way_out() {
 async fn a_log_on_a_full_disk_stops_neither_sessions_nor_the_way_out() {
     let full = File::options().write(true).open("/dev/full").unwrap();
     assert!(survives(Process::serve(&ALL, Stdio::from(full)).await).await.success());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn refused_connections_are_told_once_with_the_limit_that_was_in_the_way() {
+    let log = tempfile::NamedTempFile::new().unwrap();
+    let set = ["--set", "transport.max_connections_per_peer=2"];
+    let process = Process::serve(&set, log.reopen().unwrap()).await;
+    let open: Vec<_> = (0..8).map(|_| TcpStream::connect(process.address).unwrap()).collect();
+    // Accepted in their order: the last one is closed once all were looked at.
+    soon("the end of the last", async {
+        let mut last = &open[7];
+        last.set_nonblocking(true).unwrap();
+        while !matches!(last.read(&mut [0]), Ok(0)) {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    })
+    .await;
+    let said = std::fs::read_to_string(log.path()).unwrap();
+    let lines: Vec<&str> = said.lines().filter(|line| line.contains("a connection was refused")).collect();
+    assert!(matches!(lines[..], [line] if line.contains("transport.max_connections_per_peer")), "{said}");
 }

@@ -2,8 +2,8 @@
 
 /// Name and TOML of each, in the order in which a newcomer would look at them.
 pub(crate) const BUILTIN: [(&str, &str); 18] = [
-    ("liver", include_str!("../builtin/liver.toml")),
     ("liver-tissue", include_str!("../builtin/liver-tissue.toml")),
+    ("liver", include_str!("../builtin/liver.toml")),
     ("gummy-bear", include_str!("../builtin/gummy-bear.toml")),
     ("apple", include_str!("../builtin/apple.toml")),
     ("tofu", include_str!("../builtin/tofu.toml")),

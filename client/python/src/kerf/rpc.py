@@ -44,6 +44,9 @@ class Transport:
             ("grpc.max_send_message_length", _MAX_MESSAGE_BYTES),
             # Each connection of a program is its own, so that the end of one is the end of one.
             ("grpc.use_local_subchannel_pool", 1),
+            # A server that is started anew is found within a moment.
+            ("grpc.initial_reconnect_backoff_ms", 100),
+            ("grpc.max_reconnect_backoff_ms", 1000),
         ]
         self.address = address
         self.timeout_s = timeout_s
@@ -56,7 +59,7 @@ class Transport:
             self._channel = grpc.insecure_channel(address, options)
         self._metadata = [("authorization", f"Bearer {token}")] if token else []
         self._calls: dict[str, Any] = {}
-        self._is_closed = False
+        self.is_closed = False
         self._process = os.getpid()
 
     def at(self, address: str) -> Transport:
@@ -99,7 +102,7 @@ class Transport:
 
     def close(self) -> None:
         """Ends all calls and the connection."""
-        self._is_closed = True
+        self.is_closed = True
         # A parent's is the parent's to end.
         if self._process == os.getpid():
             self._channel.close()
@@ -130,7 +133,7 @@ class Transport:
 
     def _closed(self, error: Exception) -> UnavailableError | None:
         """What to say in the place of gRPC's error where another thread has ended the connection."""
-        if not self._is_closed:
+        if not self.is_closed:
             return None
         closed = UnavailableError(f"the connection to {self.address} was closed")
         closed.__cause__ = error
@@ -151,6 +154,11 @@ class Following:
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether its user has ended it."""
+        return self._transport.is_closed
 
     def call(self, method: str, request: Message, response: type[R], timeout_s: float | None = None) -> R:
         """As of `Transport`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -26,6 +27,11 @@ if TYPE_CHECKING:
     from kerf.model import SceneObject
 
 
+#: So long a view looks for a server that it has lost, s, and so often.
+_LOOKS_FOR_S = 30.0
+_LOOKS_EVERY_S = 0.2
+
+
 class View:
     """Keeps a replica of what the session shows, up to date in a thread of its own; a context manager."""
 
@@ -39,6 +45,7 @@ class View:
         self._ended = False
         self._request = pb.ViewRequest(protocol_version=PROTOCOL_VERSION, session_id=session_id, rate_hz=rate_hz)
         self._closed = False
+        self._heard_s = time.monotonic()
         self._stream = self._open()
         self._thread = threading.Thread(target=self._read, name=f"kerf-view-{session_id}", daemon=True)
         self._thread.start()
@@ -119,7 +126,9 @@ class View:
                 self._news.notify_all()
 
     def _follow(self) -> None:
-        """Reads the stream to its end; where the session has moved another one begins, with a keyframe."""
+        """Reads the stream to its end; where the session has moved, or the connection broke, another one begins, with a
+        keyframe.
+        """
         assembler = Assembler()
         try:
             for part in self._stream:
@@ -128,17 +137,27 @@ class View:
                     continue
                 if message.WhichOneof("message") == "hello":
                     self._viewer = message.hello.viewer
+                self._heard_s = time.monotonic()
                 with self._news:
                     self._replica.apply(message)
                     self._news.notify_all()
                 if message.number:
                     self._acknowledge(message.number)
+            self._ended = True
         except MovedError:
-            with self._news:
-                if not self._closed:
-                    self._stream = self._open()
-                    return
-        self._ended = True
+            self._begin_again()
+        except UnavailableError:
+            # A server that keeps journals is started anew, and brings the session back.
+            if self._transport.is_closed or time.monotonic() > self._heard_s + _LOOKS_FOR_S:
+                raise
+            time.sleep(_LOOKS_EVERY_S)
+            self._begin_again()
+
+    def _begin_again(self) -> None:
+        with self._news:
+            self._ended = self._closed
+            if not self._closed:
+                self._stream = self._open()
 
     def _acknowledge(self, number: int) -> None:
         try:
