@@ -67,6 +67,8 @@ pub struct Tally {
     pub residual_ratio: f64,
     /// Pairs of triangles that pass through each other in the reference configuration, at most after a stroke.
     pub crossing_pairs: usize,
+    /// Edges along which the skin folds back, more than before any cut; at most after a stroke.
+    pub folded_edges: usize,
     /// Cracks of one link that hang together with no other face, at most after a stroke.
     pub lone_cracks: usize,
     /// How many things did not hold.
@@ -123,6 +125,7 @@ impl Tally {
             volume_change_m3: self.volume_change_m3 + other.volume_change_m3,
             residual_ratio: self.residual_ratio.max(other.residual_ratio),
             crossing_pairs: self.crossing_pairs.max(other.crossing_pairs),
+            folded_edges: self.folded_edges.max(other.folded_edges),
             lone_cracks: self.lone_cracks.max(other.lone_cracks),
             failures: self.failures + other.failures,
             findings,
@@ -140,6 +143,8 @@ struct Specimen {
     bounds_m: [Vec3; 2],
     dt_s: f64,
     whole_m3: f64,
+    /// Edges of the skin that fold before any cut.
+    whole_folded: usize,
     cut_area_m2: f64,
     work_j: f64,
     residual_j: f64,
@@ -151,6 +156,8 @@ impl Specimen {
         let mut world = World::new(&model.scene)?;
         let stats = world.object_stats()[0];
         let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| surface.volume_m3()).sum();
+        let folded = |(body, surface): (&Body, &Surface)| surface.folded_edges(&body.state.grid).len();
+        let whole_folded = world.bodies_and_surfaces().map(folded).sum();
         Ok(Self {
             seed,
             world,
@@ -158,6 +165,7 @@ impl Specimen {
             bounds_m: [stats.rest_min_m.into(), stats.rest_max_m.into()],
             dt_s: 1.0 / model.scene.desc.rate_hz,
             whole_m3,
+            whole_folded,
             cut_area_m2: 0.0,
             work_j: 0.0,
             residual_j: 0.0,
@@ -212,6 +220,8 @@ impl Specimen {
             let seams = seams(&body.state.grid, surface);
             tally.lone_cracks = tally.lone_cracks.max(seams.lone);
             tally.crossing_pairs = tally.crossing_pairs.max(surface.crossing_pairs().len());
+            let folded = surface.folded_edges(&body.state.grid).len().saturating_sub(self.whole_folded);
+            tally.folded_edges = tally.folded_edges.max(folded);
             if seams.open > 0 {
                 wrong.push(format!("{} open edges", seams.open));
             }

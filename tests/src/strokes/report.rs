@@ -68,6 +68,8 @@ pub struct Row {
     pub residual_worst: String,
     /// Pairs of triangles that pass through each other in the reference configuration, at most after a stroke.
     pub crossing_pairs: usize,
+    /// Edges along which the skin folds back, more than before any cut; at most after a stroke.
+    pub folded_edges: usize,
     /// Cracks of one link that hang together with no other face, at most after a stroke.
     pub lone_cracks: usize,
     /// Highest resident set of the process in the first tenth of the strokes, MB; empty where it is not told.
@@ -111,6 +113,7 @@ impl Row {
             volume_misses: tally.volume_misses,
             residual_worst: format!("{:.1e}", tally.residual_ratio),
             crossing_pairs: tally.crossing_pairs,
+            folded_edges: tally.folded_edges,
             lone_cracks: tally.lone_cracks,
             memory_early_mb: mb(early_resident_bytes),
             memory_mb: mb(tally.resident_bytes),
@@ -149,13 +152,13 @@ pub fn page(rows: &[Row], commit: &str) -> String {
     }
     text.push_str(STROKES);
     text.push_str(
-        "| model | voxels | strokes | that cut | links parted | area, m^2 | most pieces | rolled back | volume ratio: mean, worst | strokes beyond 0.1 | residual, worst | crossing pairs, most |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|---|\n",
+        "| model | voxels | strokes | that cut | links parted | area, m^2 | most pieces | rolled back | volume ratio: mean, worst | strokes beyond 0.1 | residual, worst | crossing pairs, most | folded edges, most |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for row in rows {
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {} | {} | {} | {} | {} | {}, {} | {} | {} | {} |",
+            "| {} | {} | {} | {} | {} | {} | {} | {} | {}, {} | {} | {} | {} | {} |",
             row.model,
             row.voxels,
             row.strokes,
@@ -169,13 +172,16 @@ pub fn page(rows: &[Row], commit: &str) -> String {
             row.volume_misses,
             row.residual_worst,
             row.crossing_pairs,
+            row.folded_edges,
         );
     }
     text.push_str(
         "\nVolume ratio: change of the enclosed rest volume over A h. Residual: what the ledger leaves unexplained, over \
          the tools' work. Crossing pairs: triangles that pass through each other in the reference configuration, at most \
          after a stroke. They have no limit: where neither diagonal of a quad stays between its link and its edges, \
-         they may cross.\n\n## What fails\n\n",
+         they may cross. Folded edges: edges of the skin whose triangles have normals more than 90 degrees apart, above \
+         those of the uncut model, at most after a stroke. They have no limit either: where the rim of a cut is wanted beyond \
+         a vertex of the skin, the skin folds there by less than a voxel.\n\n## What fails\n\n",
     );
     let failing = rows.iter().filter(|row| row.failures + row.volume_misses > 0);
     let mut lines: Vec<String> = Vec::new();

@@ -1,7 +1,10 @@
-//! Triangles of a surface that pass through each other, in the reference configuration.
+//! Triangles of a surface that pass through each other or fold back, in the reference configuration.
 
-use super::{Surface, VertexId, triangulate};
+use std::collections::BTreeMap;
+
+use super::{QuadId, Surface, VertexId, triangulate};
 use crate::Vec3;
+use crate::grid::{Grid, Link};
 use crate::math::Aabb;
 
 /// How far inside of an edge and of a triangle they meet, as a share of either: what only touches passes through nothing.
@@ -27,6 +30,27 @@ impl Surface {
             pairs.extend(behind.filter(|(other, _)| triangle.crosses(other)).map(|(_, others)| [*ids, *others]));
         }
         pairs
+    }
+}
+
+impl Surface {
+    /// Edges of the skin along which it folds back on itself: the normals of its two triangles there are more than 90
+    /// degrees apart. Walls of cuts are no skin.
+    #[must_use]
+    pub fn folded_edges(&self, grid: &Grid) -> Vec<[VertexId; 2]> {
+        let is_skin = |id: QuadId| !matches!(grid.link(self.link_of(id)), Link::Parted(_));
+        let skin = self.quads.iter().filter(|(id, _)| is_skin(**id)).flat_map(|(_, quad)| triangulate(*quad));
+        let mut normals = BTreeMap::<[VertexId; 2], Vec<Vec3>>::new();
+        for ids in skin {
+            let [a, b, c] = ids.map(|id| Vec3::from(self.vertices[&id].position_m.map(f64::from)));
+            let normal = (b - a).cross(&(c - a));
+            for corner in 0..3 {
+                let [from, to] = [ids[corner], ids[(corner + 1) % 3]];
+                normals.entry([from.min(to), from.max(to)]).or_default().push(normal);
+            }
+        }
+        let is_folded = |normals: &[Vec3]| matches!(normals, [a, b] if a.dot(b) < 0.0);
+        normals.into_iter().filter(|(_, normals)| is_folded(normals)).map(|(edge, _)| edge).collect()
     }
 }
 
