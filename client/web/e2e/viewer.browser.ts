@@ -3,8 +3,11 @@
 import { mkdtemp, readFile, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
+import { fromBinary } from "@bufbuild/protobuf";
 import type { Page } from "playwright-core";
+import { Vector3 } from "three";
 import { afterEach, expect, test } from "vitest";
+import { SendPoseRequestSchema } from "../src/gen/kerf/v1/control_pb";
 import { SceneText } from "../src/scene-text";
 import { ACROSS, LockStep } from "./gallery/lockstep";
 import {
@@ -511,6 +514,73 @@ shape = { scissors = { blade_length_m = 0.03, blade_height_m = 0.005 } }
   expect(problems).toEqual([]);
 });
 
+type Point = readonly [number, number];
+
+/** Puts fingers down, the second after the first, moves them evenly and lifts them, the second before the first. */
+async function gesture(page: Page, from: readonly Point[], to: readonly Point[]): Promise<void> {
+  const cdp = await page.context().newCDPSession(page);
+  const touch = (type: "touchStart" | "touchMove" | "touchEnd", fingers: readonly Point[]) => {
+    return cdp.send("Input.dispatchTouchEvent", { type, touchPoints: fingers.map(([x, y], id) => ({ x, y, id })) });
+  };
+  for (let count = 1; count <= from.length; count++) await touch("touchStart", from.slice(0, count));
+  const steps = 6;
+  for (let i = 1; i <= steps; i++) {
+    const between = (a: number, b: number) => a + ((b - a) * i) / steps;
+    await touch("touchMove", from.map(([x, y], finger) => [between(x, to[finger][0]), between(y, to[finger][1])]));
+    await page.waitForTimeout(30);
+  }
+  for (let count = to.length - 1; count >= 0; count--) await touch("touchEnd", to.slice(0, count));
+  await cdp.detach();
+}
+
+/** How far from what it looks at a page looks from, m, and in which direction from there. */
+async function lookOf(page: Page): Promise<{ distanceM: number; direction: Vector3 }> {
+  await page.tap("button[aria-label='Copy a link to this session']");
+  await page.waitForURL((url) => url.searchParams.has("view"));
+  const [x, y, z, ...target] = new URL(page.url()).searchParams.get("view")!.split(",").map(Number);
+  const line = new Vector3(x, y, z).sub(new Vector3(...target));
+  return { distanceM: line.length(), direction: line.normalize() };
+}
+
+test("on a phone two fingers zoom and turn the view, and move no tool", async () => {
+  const sessionId = await server.create(BAR);
+  const screen = { width: 390, height: 844, deviceScaleFactor: 0.5, hasTouch: true };
+  const { page, problems } = await open(browser, `${server.address}/?session=${sessionId}`, screen);
+  await live(page);
+  await readingWhere(page, "Pieces", (pieces) => pieces === 1);
+  const poses: string[] = [];
+  page.on("request", (request) => {
+    const body = request.postDataBuffer();
+    if (!request.url().endsWith("/SendPose") || !body) return;
+    // Behind a message's flag and length.
+    const { motion } = fromBinary(SendPoseRequestSchema, body.subarray(5));
+    if (motion.case === "pose") poses.push(JSON.stringify(motion.value.pose));
+  });
+  /** Poses that are sent from now on, of which some come while the tool stands still. */
+  const nextPoses = async () => {
+    poses.length = 0;
+    await expect.poll(() => poses.length).toBeGreaterThan(2);
+    return [...new Set(poses)];
+  };
+  await page.tap("button:has-text('Blade')");
+  await expect.poll(async () => (await nextPoses()).length).toBe(1);
+  const stood = await nextPoses();
+  const before = await lookOf(page);
+  await gesture(page, [[180, 330], [210, 330]], [[100, 330], [290, 330]]);
+  await expect.poll(async () => (await lookOf(page)).distanceM).toBeLessThan(0.8 * before.distanceM);
+  const near = await lookOf(page);
+  const turnedBy = async ({ direction }: typeof near) => (await lookOf(page)).direction.angleTo(direction);
+  await gesture(page, [[140, 280], [200, 280]], [[190, 380], [250, 380]]);
+  await expect.poll(() => turnedBy(near)).toBeGreaterThan(0.3);
+  expect([...new Set([...poses, ...(await nextPoses())])]).toEqual(stood);
+  // One finger does move it, and not the view, which goes on turning a little.
+  const turned = await lookOf(page);
+  await gesture(page, [[190, 330]], [[250, 330]]);
+  await expect.poll(async () => (await nextPoses()).includes(stood[0])).toBe(false);
+  expect(await turnedBy(turned)).toBeLessThan(0.15);
+  expect(problems).toEqual([]);
+});
+
 test("a page is dark or light as the system is, until somebody chooses", async () => {
   const sessionId = await server.create(BAR);
   const brightness = (page: Page) =>
@@ -540,7 +610,7 @@ test("the first scene is the liver, at a rate that the machine keeps, without a 
       isWhole: [...card.querySelectorAll("span")].every((span) => span.scrollHeight <= span.clientHeight),
     })),
   );
-  expect(cards[0].name).toBe("liver");
+  expect(cards[0].name).toBe("liver-tissue");
   expect(cards.filter(({ hasPicture, isWhole }) => !hasPicture || !isWhole)).toEqual([]);
   await page.evaluate(() => {
     const told: number[] = ((window as unknown as { told: number[] }).told = []);

@@ -76,8 +76,10 @@ export class SessionPicture {
       return this.tissues[index].show(body, frame.simTimeS);
     });
     const newest = frame.samples.at(-1);
+    const positions = this.tissues.map((tissue) => tissue.positions);
     newest?.tools.forEach((tool, index) => {
       this.fullForceN = Math.max(this.fullForceN, Math.hypot(...tool.forceN));
+      this.tools[index].keepClear(tool, frame.simTimeS, positions);
       this.tools[index].show(tool, this.fullForceN);
     });
     this.stage.invalidate();

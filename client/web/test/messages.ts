@@ -157,3 +157,17 @@ export function slab(elements: number, perElement: number): BodyStructure {
     quantumM: QUANTUM_M,
   });
 }
+
+/** A slab of 4 x 4 quads; those that are named become walls, as if the other sides of their links had been laid open. */
+export function opened(quads: readonly number[]): BodyStructure {
+  const structure = slab(2, 2);
+  const { quadIds, quadVertices } = structure;
+  const sides = quadIds.flatMap((id, quad) => {
+    const vertices = quadVertices.slice(4 * quad, 4 * quad + 4);
+    const side = { id, vertices };
+    return quads.includes(quad) ? [side, { id: id + 1, vertices: vertices.toReversed() }] : [side];
+  });
+  structure.quadIds = sides.map(({ id }) => id);
+  structure.quadVertices = sides.flatMap(({ vertices }) => vertices);
+  return structure;
+}

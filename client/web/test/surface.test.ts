@@ -3,7 +3,7 @@ import { expect, test } from "vitest";
 import { Replica } from "../src/decode/replica";
 import { BodySurface } from "../src/decode/surface";
 import { type BodyStructure, BodyStructureSchema, StateSchema } from "../src/gen/kerf/v1/view_pb";
-import { bodyOf, cube, cutPatch, integers, keyframe, quanta, slab, state, UNIT_CUBE } from "./messages";
+import { bodyOf, cube, cutPatch, integers, keyframe, opened, quanta, slab, state, UNIT_CUBE } from "./messages";
 
 function surfaceOf(structure: BodyStructure): { replica: Replica; surface: BodySurface } {
   const replica = new Replica();
@@ -82,19 +82,8 @@ test("what a blade laid open is no skin, and its two walls are one cut", () => {
   expect(cutAreaM2).toBeCloseTo(1);
 });
 
-/** A slab of 4 x 4 quads; each of the middle column becomes a wall, as if its other side had been laid open. */
-function openedSlab(): { surface: BodySurface } {
-  const structure = slab(2, 2);
-  const opened = [1, 5, 9, 13];
-  const others = opened.map((quad) => 2 * quad + 1);
-  structure.quadVertices.push(...opened.flatMap((quad) => structure.quadVertices.slice(4 * quad, 4 * quad + 4).reverse()));
-  structure.quadIds.push(...others);
-  // Ids ascend.
-  const order = structure.quadIds.map((_, i) => i).sort((a, b) => structure.quadIds[a] - structure.quadIds[b]);
-  structure.quadVertices = order.flatMap((quad) => structure.quadVertices.slice(4 * quad, 4 * quad + 4));
-  structure.quadIds = order.map((quad) => structure.quadIds[quad]);
-  return surfaceOf(structure);
-}
+/** A slab whose column of quads beside the middle one is laid open. */
+const openedSlab = () => surfaceOf(opened([1, 5, 9, 13]));
 
 test("a seam runs where walls of a cut meet the skin, each edge once, and nowhere else", () => {
   const { surface } = openedSlab();
@@ -137,9 +126,11 @@ test("the line of a seam goes with the tissue", () => {
 });
 
 test("the edges of elements are each there once", () => {
-  const { surface } = surfaceOf(slab(2, 1));
+  const { replica, surface } = surfaceOf(slab(2, 1));
   // Of 2 x 2 x 1 cubes: 6 along x and 6 along z on each of two sides, 9 upright.
-  expect(surface.restructure().elementEdges.length / 2).toBe(33);
+  expect(surface.restructure().elementEdges?.length).toBe(2 * 33);
+  replica.bodies[0].change(create(BodyStructureSchema, { nodeCount: 18, quadIds: [1], quadVertices: [0, 1, 4, 3] }));
+  expect(surface.restructure().elementEdges).toBeUndefined();
 });
 
 test("arrays are used again until they are too small", () => {

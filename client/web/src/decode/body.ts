@@ -51,6 +51,10 @@ export class Body {
   adaptedSlots = new Uint32Array(0);
   adaptedOffsets = new Float32Array(0);
 
+  /** How many changes of the structure there were, and how many of them were of elements too. */
+  changes = 0;
+  elementChanges = 0;
+
   /** Sum of the hashes of the vertices, weights and quads, kept as they come. */
   readonly hashSum: Word = { hi: 0, lo: 0 };
 
@@ -75,8 +79,55 @@ export class Body {
     return this.vertices.get(id);
   }
 
+  /** By vertex slot, the slot that the same vertex has in another body; -1: none. */
+  vertexSlotsIn(other: Body): Int32Array {
+    return this.vertices.slotsIn(other.vertices);
+  }
+
+  /** Whether another one has the same structure: the same of everything under the same ids. */
+  hasStructureOf(other: Body): boolean {
+    if (!this.hasCountsOf(other)) return false;
+    const elements = this.elements.slotsIn(other.elements);
+    const vertices = this.vertexSlotsIn(other);
+    const quads = this.quads.slotsIn(other.quads);
+    return (
+      // A slot without a node has NaN.
+      this.nodeRest.subarray(0, 3 * this.nodeCount).every((at, i) => Object.is(at, other.nodeRest[i])) &&
+      areSame(this.elementNodes, other.elementNodes, 8, elements) &&
+      areSame(this.vertexElement, other.vertexElement, 1, vertices, this.hasPlainVertices ? undefined : elements) &&
+      areSame(this.vertexLocal, other.vertexLocal, 3, vertices) &&
+      areSame(this.vertexMaterial, other.vertexMaterial, 1, vertices) &&
+      areSame(this.quadVertices, other.quadVertices, 4, quads, vertices) &&
+      areSame(this.quadIsCut, other.quadIsCut, 1, quads) &&
+      [...this.held].every(([slot, { weights }]) => {
+        const theirs = other.held.get(vertices[slot]);
+        return theirs !== undefined && weights.every((weight, i) => weight === theirs.weights[i]);
+      })
+    );
+  }
+
+  /** The part of `hasStructureOf` that takes no time. */
+  private hasCountsOf(other: Body): boolean {
+    const counts = ({ hasPlainVertices, quantum, nodeCount, hashSum, elements, vertices, quads, held }: Body) => [
+      hasPlainVertices,
+      quantum,
+      nodeCount,
+      hashSum.hi,
+      hashSum.lo,
+      elements.count,
+      vertices.count,
+      quads.count,
+      held.size,
+    ];
+    const theirs = counts(other);
+    return counts(this).every((count, i) => count === theirs[i]);
+  }
+
   /** Applies what a keyframe (to an empty body) or a patch says. After an error the body is not to be used. */
   change(change: BodyStructure): void {
+    const { nodeIds, elementIds, vertexIds, heldVertexIds, quadIds } = change;
+    if ([nodeIds, elementIds, vertexIds, heldVertexIds, quadIds].some(({ length }) => length > 0)) this.changes += 1;
+    if (elementIds.length > 0) this.elementChanges += 1;
     this.setQuantum(change);
     this.upsertNodes(change);
     if (this.hasPlainVertices) {
@@ -275,4 +326,23 @@ export class Body {
     hashes[2 * slot] = hash.hi;
     hashes[2 * slot + 1] = hash.lo;
   }
+}
+
+/**
+ * Whether items are the same, `width` numbers each: those of a slot here and of the slot there that `slots` has for it, -1
+ * for none. Numbers that are slots themselves are so by `names`.
+ */
+function areSame(
+  ours: ArrayLike<number>,
+  theirs: ArrayLike<number>,
+  width: number,
+  slots: Int32Array,
+  names?: Int32Array,
+): boolean {
+  for (let i = 0; i < width * slots.length; i++) {
+    const slot = Math.floor(i / width);
+    const our = names ? names[ours[i]] : ours[i];
+    if (our !== theirs[width * slots[slot] + (i - width * slot)]) return false;
+  }
+  return true;
 }

@@ -27,13 +27,18 @@ export class Replica {
     return this.objects;
   }
 
-  /** Replaces the whole structure. */
+  /** Replaces the whole structure; an object that has the same as before stays the same one. */
   applyKeyframe(keyframe: Keyframe): void {
     this.version = undefined;
     this.referenceStep = undefined;
+    const before = this.objects;
     const hasPlainVertices = keyframe.encoding === SurfaceEncoding.VERTICES;
     this.objects = keyframe.bodies.map(() => new Body(hasPlainVertices));
     this.change("keyframe", keyframe.bodies, keyframe.topologyVersion, keyframe.surfaceHash);
+    this.objects = this.objects.map((body, index) => {
+      const old = before.at(index);
+      return old?.hasStructureOf(body) ? old : body;
+    });
   }
 
   /** Changes the structure. A patch that fails half-way, or leads to another hash, costs the structure. */

@@ -44,16 +44,21 @@ export class Seam {
   /** Sim time at which each vertex came to lie on a seam, s; NaN: it never did. */
   private bornS = new Float32Array(0);
 
+  /** Since when a vertex has been on a seam, s; NaN: it never was, or there is no such vertex. */
+  sinceS(vertex: number): number {
+    return this.bornS[vertex] ?? Number.NaN;
+  }
+
   /**
    * Two numbers a vertex, in room for `vertexRoom`: how strongly it shows that a cut ends there, 1 on a seam, and the
-   * sim time at which it began to, s.
+   * sim time at which it began to, s. Of a vertex that has come to lie on one, `beginS` says since when.
    */
   rims(
     edges: Uint32Array,
     quadVertices: Uint32Array,
     quadCount: number,
     vertexRoom: number,
-    nowS: number,
+    beginS: (vertex: number) => number,
   ): Float32Array<ArrayBuffer> {
     if (this.bornS.length < vertexRoom) {
       const longer = new Float32Array(vertexRoom).fill(Number.NaN);
@@ -62,7 +67,7 @@ export class Seam {
     }
     const rims = new Float32Array(2 * vertexRoom);
     for (const vertex of edges) {
-      if (Number.isNaN(this.bornS[vertex])) this.bornS[vertex] = nowS;
+      if (Number.isNaN(this.bornS[vertex])) this.bornS[vertex] = beginS(vertex);
       rims[2 * vertex] = 1;
       rims[2 * vertex + 1] = this.bornS[vertex];
     }

@@ -22,6 +22,13 @@ export class Slots {
     return this.slotOf.get(id);
   }
 
+  /** By slot here, the slot that the same id has in another store; -1: none. */
+  slotsIn(other: Slots): Int32Array {
+    const slots = new Int32Array(this.slotOf.size);
+    for (const [id, slot] of this.slotOf) slots[slot] = other.slotOf.get(id) ?? -1;
+    return slots;
+  }
+
   /** The slot of an id, a new one where it had none. */
   claim(id: number): number {
     const known = this.slotOf.get(id);

@@ -24,8 +24,8 @@ export interface SurfaceStructure {
   seam: Uint32Array<ArrayBuffer>;
   /** Two numbers a vertex: how near it is to a seam, 0 to 1, and the sim time since when, s. */
   rims: Float32Array<ArrayBuffer>;
-  /** Two nodes for each edge of the elements. */
-  elementEdges: Uint32Array<ArrayBuffer>;
+  /** Two nodes for each edge of the elements; absent where no element has changed. */
+  elementEdges?: Uint32Array<ArrayBuffer>;
   /** Area of the cut, m^2 at rest: half that of its two walls. */
   cutAreaM2: number;
   /** Pieces that it has fallen into: closed surfaces that no quad joins and that have tissue within. */
@@ -49,7 +49,7 @@ export function shapeArrays({ positions, skinNormals, cutNormals, seam }: Surfac
 /** Those of a structure. */
 export function structureArrays(structure: SurfaceStructure): (Float32Array | Uint32Array | Uint8Array)[] {
   const { rest, materials, skin, cut, seam, rims, elementEdges } = structure;
-  return [rest, materials, skin, cut, seam, rims, elementEdges];
+  return [rest, materials, skin, cut, seam, rims, ...(elementEdges ? [elementEdges] : [])];
 }
 
 /** Pairs of an element's corners that its edges join. */
@@ -65,7 +65,12 @@ function roomFor(count: number, room: number): number {
 
 /** Makes the surface of a body. */
 export class BodySurface {
-  private readonly body: Body;
+  readonly body: Body;
+  /** What the object looked like before, until this one is made. */
+  private before: BodySurface | undefined;
+  /** Changes of the body that it has been made anew for. */
+  private changes = -1;
+  private elementChanges = -1;
   /** Vertices that arrays have room for, and triangles of either kind. */
   private vertexRoom = 0;
   private skinRoom = 0;
@@ -83,8 +88,15 @@ export class BodySurface {
   /** Normals while they are smoothed. */
   private rough = new Float32Array(0);
 
-  constructor(body: Body) {
+  /** Seams that an earlier surface of the object has are as old here. */
+  constructor(body: Body, before?: BodySurface) {
     this.body = body;
+    this.before = before;
+  }
+
+  /** The body's structure has changed. */
+  get isStale(): boolean {
+    return this.changes !== this.body.changes;
   }
 
   /** To be called after each change of the body's structure; seams that are new are of the sim time `nowS`. */
@@ -108,6 +120,9 @@ export class BodySurface {
     this.triangulate(0, this.skinQuads, rest, skin);
     const wallsM2 = this.triangulate(this.skinQuads, quads, rest, cut);
     this.seamEnds = seamEdges(body.quadVertices, this.quadOrder, this.skinQuads, body.vertexCount);
+    const hasOtherElements = this.elementChanges !== body.elementChanges;
+    this.changes = body.changes;
+    this.elementChanges = body.elementChanges;
     return {
       vertexCount: body.vertexCount,
       rest,
@@ -118,8 +133,8 @@ export class BodySurface {
       cutCount: 6 * (quads - this.skinQuads),
       // The page keeps the one, this end the other.
       seam: this.seamEnds.slice(),
-      rims: this.seam.rims(this.seamEnds, body.quadVertices, quads, this.vertexRoom, nowS),
-      elementEdges: this.elementEdges(),
+      rims: this.seam.rims(this.seamEnds, body.quadVertices, quads, this.vertexRoom, this.seamsBegin(nowS)),
+      ...(hasOtherElements && { elementEdges: this.elementEdges() }),
       cutAreaM2: wallsM2 / 2,
       pieces: this.countPieces(rest),
     };
@@ -150,6 +165,18 @@ export class BodySurface {
       for (let axis = 0; axis < 3; axis++) shape.seam[3 * i + axis] = shape.positions[3 * vertex + axis];
     });
     return shape;
+  }
+
+  /** Since when vertices are on a seam that are there for the first time, s. */
+  private seamsBegin(nowS: number): (vertex: number) => number {
+    const { before } = this;
+    this.before = undefined;
+    if (!before) return () => nowS;
+    const slots = this.body.vertexSlotsIn(before.body);
+    return (vertex) => {
+      const sinceS = before.seam.sinceS(slots[vertex]);
+      return Number.isNaN(sinceS) ? nowS : sinceS;
+    };
   }
 
   private adapt(positions: Float32Array): void {

@@ -8,13 +8,8 @@ import { createGrpcWebTransport } from "@connectrpc/connect-web";
 import { Assembler } from "../decode/assembler";
 import { ReplicaError } from "../decode/check";
 import { Replica } from "../decode/replica";
-import {
-  BodySurface,
-  shapeArrays,
-  structureArrays,
-  type SurfaceShape,
-  type SurfaceStructure,
-} from "../decode/surface";
+import { shapeArrays, structureArrays, type SurfaceShape, type SurfaceStructure } from "../decode/surface";
+import { Surfaces } from "../decode/surfaces";
 import { EventKind } from "../gen/kerf/v1/types_pb";
 import { type State, type ToolState, type ViewResponse, ViewService } from "../gen/kerf/v1/view_pb";
 import { Acknowledger } from "./acknowledger";
@@ -65,7 +60,8 @@ class Viewing {
   private readonly sessionId: string;
   private readonly server: string;
   private replica = new Replica();
-  private surfaces: BodySurface[] = [];
+  private readonly surfaces = new Surfaces();
+  /** What is new of the structure since the last frame, by object. */
   private structures: (SurfaceStructure | undefined)[] = [];
   private state: State | undefined;
   /** That of the newest state: a patch that comes after it opens seams that are new then. */
@@ -137,13 +133,11 @@ class Viewing {
     switch (message.case) {
       case "keyframe":
         this.replica.applyKeyframe(message.value);
-        this.surfaces = this.replica.bodies.map((body) => new BodySurface(body));
-        this.spare = [];
-        this.restructure(() => true);
+        this.restructure();
         break;
       case "patch":
         this.replica.applyPatch(message.value);
-        this.restructure((index) => message.value.bodies[index].quadIds.length > 0, this.simTimeS);
+        this.restructure(this.simTimeS);
         break;
       case "state":
         this.takeState(message.value);
@@ -159,11 +153,11 @@ class Viewing {
     }
   }
 
-  private restructure(hasChanged: (index: number) => boolean, nowS?: number): void {
+  private restructure(nowS?: number): void {
     // New nodes have no place before the state that follows.
     this.state = undefined;
-    this.surfaces.forEach((surface, index) => {
-      if (hasChanged(index)) this.structures[index] = surface.restructure(nowS);
+    this.surfaces.follow(this.replica.bodies, nowS).forEach((structure, index) => {
+      if (structure) this.structures[index] = { ...this.structures[index], ...structure };
     });
   }
 
@@ -185,7 +179,7 @@ class Viewing {
   show(): void {
     if (!this.pageIsReady || !this.state) return;
     this.pageIsReady = false;
-    const bodies = this.surfaces.map((surface, index) => ({
+    const bodies = this.surfaces.all.map((surface, index) => ({
       shape: surface.shape(this.spare[index], wants.adaptation),
       ...(this.structures[index] && { structure: this.structures[index] }),
       ...(wants.nodes && { nodes: surface.nodePositions() }),

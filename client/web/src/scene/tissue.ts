@@ -150,7 +150,7 @@ export class Tissue extends Group {
     };
     dress("skin", structure.skin, structure.skinCount, shape.skinNormals);
     dress("cut", structure.cut, structure.cutCount, shape.cutNormals);
-    this.edges.geometry.setIndex(new BufferAttribute(structure.elementEdges, 1));
+    if (structure.elementEdges) this.edges.geometry.setIndex(new BufferAttribute(structure.elementEdges, 1));
     this.seam.restructure(this.seamDress(structure), shape.seam);
   }
 

@@ -4,6 +4,7 @@ import { ConeGeometry, CylinderGeometry, Group, Mesh, MeshBasicMaterial, Quatern
 import type { ToolSummary } from "../gen/kerf/v1/types_pb";
 import type { DrivenPose } from "../net/hands";
 import type { ToolFrame } from "../net/frames";
+import { NeckLength } from "./neck";
 import { type ToolShape, toolShape } from "./tool-shapes";
 
 const UP = new Vector3(0, 1, 0);
@@ -17,6 +18,7 @@ export class Tool {
   readonly group = new Group();
   private readonly ghost: ToolShape;
   private readonly arrow: ForceArrow;
+  private readonly neck: NeckLength;
   /** Whether the force on it is drawn. */
   private hasArrow = true;
 
@@ -30,8 +32,16 @@ export class Tool {
       if (part instanceof Mesh) part.material = mist;
     });
     this.arrow = new ForceArrow(sceneSizeM);
+    this.neck = new NeckLength(this.shape.neck, sceneSizeM);
     this.shape.object.visible = this.ghost.object.visible = false;
     this.group.add(this.shape.object, this.ghost.object, this.arrow.group);
+  }
+
+  /** Makes its neck as long as it has to be at a sim time, among tissues with these positions of vertices, m. */
+  keepClear(tool: ToolFrame, timeS: number, tissues: readonly Float32Array[]): void {
+    const lengthM = this.neck.follow(tool, timeS, tissues);
+    this.shape.setNeck(lengthM);
+    this.ghost.setNeck(lengthM);
   }
 
   /** Shows where it is, and the force on it as an arrow; the longest arrow stands for `fullForceN`. */

@@ -33,6 +33,7 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["V", "tissue, not adapted to the blade, wires, elements, voxels, links"],
   ["F", "draw the forces, or not"],
   ["P", "save a picture"],
+  ["?", "this list"],
 ];
 
 export function openHelp(): void {
