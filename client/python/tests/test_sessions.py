@@ -100,6 +100,12 @@ def test_a_state_goes_on_in_another_server_from_a_file(client, session, tmp_path
             jelly.load(tmp_path / "half way.kerf")
         assert refused.value.field == "data"
         assert (jelly.checkpoints(), jelly.describe().state_hash) == ([], before)
+    there_before = client.sessions()
+    with pytest.raises(kerf.InvalidArgumentError, match="the file is of `block`"):
+        client.load(tmp_path / "half way.kerf", "jelly")
+    assert client.sessions() == there_before
+    with client.load(tmp_path / "half way.kerf", path=BLOCK) as begun:
+        assert begun.describe().state_hash == saved.state_hash
     (tmp_path / "half.kerf").write_bytes((tmp_path / "half way.kerf").read_bytes()[:1000])
     with pytest.raises(kerf.InvalidArgumentError, match="cut off or changed"):
         session.load(tmp_path / "half.kerf")

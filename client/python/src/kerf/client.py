@@ -142,6 +142,25 @@ class Client:
             created = self._transport.call("SessionService/CreateSession", request, pb.CreateSessionResponse)
         return Session(self._transport, created.session, warnings=created.warnings, files=sent)
 
+    def load(self, file: str | Path, scene_name: str | None = None, **options: Any) -> Session:  # noqa: ANN401
+        """Begins a session that goes on from a file of `Session.save`, to the same bits.
+
+        Args:
+            file: The state. It does not have the scene, which is named as for `create_session`.
+            scene_name: One of `scenes`.
+            options: As of `create_session`: `path`, `toml` and `files` of the scene, its `level`, `step_rate_hz`.
+
+        Raises:
+            InvalidArgumentError: The file is of another scene, step rate or level, or of another version.
+        """
+        session = self.create_session(scene_name, **options)
+        try:
+            session.load(file)
+        except KerfError:
+            session.close()
+            raise
+        return session
+
     def _make(self, request: pb.CreateSessionRequest, making: Callable[[Making], object]) -> pb.CreateSessionResponse:
         asked, timeout_s = pb.MakeSessionRequest(request=request), self._transport.timeout_s
         try:

@@ -126,9 +126,7 @@ class View:
                 self._news.notify_all()
 
     def _follow(self) -> None:
-        """Reads the stream to its end; where the session has moved, or the connection broke, another one begins, with a
-        keyframe.
-        """
+        """Reads the stream to its end; where the session has moved or the connection broke another one begins."""
         assembler = Assembler()
         try:
             for part in self._stream:
