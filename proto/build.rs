@@ -13,8 +13,9 @@ const FILES: [&str; 6] = [
     "foxglove/scene.proto",
 ];
 
-/// What the sidecar of a pod speaks. Apart, because a server offers no service of it.
-const FILES_OF_AGONES: [&str; 2] = ["agones/dev/sdk/sdk.proto", "agones/dev/sdk/beta/beta.proto"];
+/// What the sidecar of a pod and the allocator speak. Apart, because a server offers no service of it.
+const FILES_OF_AGONES: [&str; 3] =
+    ["agones/dev/sdk/sdk.proto", "agones/dev/sdk/beta/beta.proto", "agones/allocation/allocation.proto"];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo::rerun-if-changed=kerf");

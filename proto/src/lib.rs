@@ -30,6 +30,11 @@ pub mod agones {
     pub mod beta {
         tonic::include_proto!("agones.dev.sdk.beta");
     }
+
+    /// The allocator, which is asked for a server of a fleet.
+    pub mod allocation {
+        tonic::include_proto!("allocation");
+    }
 }
 
 /// The version that both ends of a stream name in their first message.

@@ -1,7 +1,7 @@
 //! Membership of a fleet of Agones's: what a server tells the sidecar of its pod. A sidecar that is not there yet, or goes,
 //! costs no session anything: the server tries again, and Agones decides what becomes of the pod.
 //!
-//! Deliberately absent: allocation, which is asked of the cluster and not of a server; lists and labels.
+//! Deliberately absent: allocation, which clients ask of the cluster (`allocate`); lists and labels.
 
 use std::sync::Arc;
 use std::time::Duration;

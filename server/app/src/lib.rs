@@ -5,6 +5,7 @@
 //! physics, pacing, queues of state.
 
 mod agones;
+pub mod allocate;
 mod book;
 pub mod check;
 pub mod config;

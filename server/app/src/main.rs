@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use kerf_server::allocate::{self, AllocateArgs};
 use kerf_server::remote::{self, SessionArgs};
 use kerf_server::replay::{self, ReplayArgs};
 use kerf_server::scene_args::SceneArgs;
@@ -37,6 +38,8 @@ enum Command {
     Session(SessionArgs),
     /// Shows what a server's sessions are doing, second by second.
     Top(TopArgs),
+    /// Asks Agones's allocator for a server of a fleet with room for a session, and prints its address.
+    Allocate(AllocateArgs),
     /// Makes tokens, with which clients are let in.
     Token(TokenArgs),
     /// Lists the built-in scenes.
@@ -64,6 +67,7 @@ fn main() -> ExitCode {
         Command::Replay(args) => replay::run(&args),
         Command::Session(args) => remote::run(&args),
         Command::Top(args) => top::run(&args),
+        Command::Allocate(args) => allocate::run(&args),
         Command::Token(args) => token_command::run(args),
         Command::Scenes => scenes::run(),
         Command::Schema => schema::run(),

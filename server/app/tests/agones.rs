@@ -5,6 +5,10 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use kerf_proto::agones::Empty;
+use kerf_proto::agones::allocation::allocation_response::GameServerStatusPort;
+use kerf_proto::agones::allocation::allocation_service_server::{AllocationService, AllocationServiceServer};
+use kerf_proto::agones::allocation::game_server_selector::GameServerState;
+use kerf_proto::agones::allocation::{AllocationRequest, AllocationResponse};
 use kerf_proto::agones::beta::sdk_server::{Sdk as Counters, SdkServer as CountersServer};
 use kerf_proto::agones::beta::{Counter, UpdateCounterRequest};
 use kerf_proto::agones::sdk_server::{Sdk, SdkServer};
@@ -96,6 +100,68 @@ async fn create(client: &mut SessionServiceClient<Channel>) -> String {
     let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
     let request = v1::CreateSessionRequest { scene, start_paused: true, ..Default::default() };
     client.create_session(request).await.unwrap().into_inner().session.unwrap().session_id
+}
+
+/// The allocator of a fleet that has this server, or none with room.
+struct Allocator(Option<SocketAddr>);
+
+#[tonic::async_trait]
+impl AllocationService for Allocator {
+    async fn allocate(&self, request: Request<AllocationRequest>) -> Result<Response<AllocationResponse>, Status> {
+        let AllocationRequest { namespace, game_server_selectors, .. } = request.into_inner();
+        let states = game_server_selectors.iter().map(|selector| {
+            let (labels, counters) = (&selector.match_labels, &selector.counters);
+            assert!(labels["agones.dev/fleet"] == "livers" && counters["sessions"].min_available == 1, "{selector:?}");
+            selector.game_server_state()
+        });
+        let states: Vec<_> = states.collect();
+        assert_eq!(
+            (namespace.as_str(), &states[..]),
+            ("kerf", &[GameServerState::Allocated, GameServerState::Ready][..])
+        );
+        let Some(server) = self.0 else {
+            return Err(Status::resource_exhausted("there is no available GameServer to allocate"));
+        };
+        let ports = vec![GameServerStatusPort { name: "grpc".into(), port: server.port().into() }];
+        let (game_server_name, address) = ("livers-1".into(), server.ip().to_string());
+        Ok(Response::new(AllocationResponse { game_server_name, ports, address }))
+    }
+}
+
+async fn allocate(of: Allocator) -> std::process::Output {
+    let address = free();
+    tokio::spawn(Transport::builder().add_service(AllocationServiceServer::new(of)).serve(address));
+    soon("the allocator", async {
+        while tokio::net::TcpStream::connect(address).await.is_err() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    })
+    .await;
+    let url = format!("http://{address}");
+    let asking = move || {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_kerf-server"));
+        command.args(["allocate", &url, "--namespace", "kerf", "--fleet", "livers", "--plain"]).output().unwrap()
+    };
+    tokio::task::spawn_blocking(asking).await.unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_asks_the_allocator_for_a_server_and_finds_room_there() {
+    let server =
+        Server::start(ServerConfig { listen: ([127, 0, 0, 1], 0).into(), ..ServerConfig::default() }).await.unwrap();
+    let said = allocate(Allocator(Some(server.address()))).await;
+    assert!(said.status.success(), "{said:?}");
+    let address = String::from_utf8(said.stdout).unwrap();
+    let mut client = SessionServiceClient::connect(address.trim().to_owned()).await.unwrap();
+    create(&mut client).await;
+    drop(client);
+    server.stop().await;
+    let refused = allocate(Allocator(None)).await;
+    let words = String::from_utf8(refused.stderr).unwrap();
+    assert!(
+        !refused.status.success() && words.contains("`livers` has no server") && words.contains("no available"),
+        "{words}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
