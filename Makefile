@@ -221,6 +221,7 @@ bench: performance
 	cargo bench -p kerf-server --bench stream
 	cargo bench -p kerf-physics --bench step
 	cargo bench -p kerf-system-tests --bench loopback
+	cargo test --release -p kerf-session what_recording -- --ignored --nocapture
 
 # Every supported range from end to end; writes docs/reference/stability and docs/explanation/stability.md, the same bytes
 # from the same seed.
