@@ -1,10 +1,13 @@
-//! Surfaces as binary glTF 2.0, metres, +y up: a node and a mesh for each piece of each object, and no vertex twice, so that
-//! a piece is a closed body to whoever puts its primitives together.
+//! Surfaces as binary glTF 2.0, metres, +y up: a node and a mesh for each piece of each object, and no vertex twice.
 //!
-//! A piece has a primitive for the skin of each region and one for what a blade laid open in it, with materials of the
-//! region's name. All have the same vertices and differ in which triangles they have. Where skin and cut meet there are
-//! lines, in a node below the piece's: readers that merge a mesh's primitives expect triangles alone. The vertices there
-//! are dark, so that a cut is seen as a seam while it is closed, also by readers that draw no lines.
+//! A piece has a primitive for each region, with a material of the region's name: one of a single region is a closed
+//! primitive, which readers that make a body of each primitive need. Those of several regions have the same vertices and
+//! are closed together.
+//!
+//! Skin and what a blade laid open differ in the colours of their vertices. The material has the colour of cut faces, the
+//! paler one, since what a vertex has of it is at most all. Where skin and cut meet there are lines, in a node below the
+//! piece's: readers that merge a mesh's primitives expect triangles alone. The vertices there are dark, so that a cut is
+//! seen as a seam while it is closed, also by readers that draw no lines.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -24,7 +27,7 @@ const SKIN_COLOURS: [[f32; 3]; 6] = [
 ];
 /// How much of the way to white a cut face is from the skin's colour.
 const CUT_PALENESS: f32 = 0.4;
-/// What is left of the skin's colour where it meets a cut.
+/// What is left of the material's colour where skin and cut meet.
 const SEAM_DARKNESS: f32 = 0.02;
 
 const LINES: u32 = 1;
@@ -113,10 +116,21 @@ fn vertices(surface: &Surface) -> Vec<Vertex> {
     vertices
 }
 
-/// What is left of the materials' colours at a vertex, linear, of 16 bits: dark ones would show steps of 8.
-fn shade(vertex: Vertex) -> [u16; 4] {
-    let left = if vertex.is_on_skin && vertex.is_on_cut { SEAM_DARKNESS } else { 1.0 };
-    [left, left, left, 1.0].map(|c| (c * f32::from(u16::MAX)).round() as u16)
+/// Place of a region's material among all, and what of its colour the skin has, linear.
+#[derive(Clone, Copy)]
+struct Material {
+    place: usize,
+    of_skin: [f32; 3],
+}
+
+/// What is left of a material's colour at a vertex, linear, of 16 bits: dark ones would show steps of 8.
+fn shade(vertex: Vertex, material: Material) -> [u16; 4] {
+    let [r, g, b] = match (vertex.is_on_skin, vertex.is_on_cut) {
+        (true, true) => [SEAM_DARKNESS; 3],
+        (true, false) => material.of_skin,
+        (false, _) => [1.0; 3],
+    };
+    [r, g, b, 1.0].map(|c| (c * f32::from(u16::MAX)).round() as u16)
 }
 
 /// Edges at which skin and what was laid open meet, each once.
@@ -133,13 +147,13 @@ fn seam(triangles: &[Triangle]) -> Vec<[u32; 2]> {
 }
 
 /// Normal of a triangle with twice its area as length.
-fn area_normal(surface: &Surface, triangle: &Triangle) -> [f32; 3] {
+pub(crate) fn area_normal(surface: &Surface, triangle: &Triangle) -> [f32; 3] {
     let [a, b, c] = triangle.vertices.map(|v| surface.positions_m[v as usize]);
     let (u, v) = (subtract(b, a), subtract(c, a));
     std::array::from_fn(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3])
 }
 
-fn add(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+pub(crate) fn add(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| a[i] + b[i])
 }
 
@@ -151,7 +165,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     (0..3).map(|i| a[i] * b[i]).sum()
 }
 
-fn unit(a: [f32; 3]) -> Option<[f32; 3]> {
+pub(crate) fn unit(a: [f32; 3]) -> Option<[f32; 3]> {
     let length = dot(a, a).sqrt();
     (length > 0.0).then(|| a.map(|c| c / length))
 }
@@ -181,8 +195,8 @@ struct Document {
     /// The nodes that are in no other.
     roots: Vec<usize>,
     materials: Vec<Value>,
-    /// Place of each material that there is, by the object's first region among all, the region and the face.
-    known_materials: BTreeMap<(usize, u16, Face), usize>,
+    /// Each region's material that there is, by the object's first region among all and the region.
+    known_materials: BTreeMap<(usize, u16), Material>,
     /// Place of the material of seams, once there is one.
     seam_material: Option<usize>,
     /// Regions so far, of all objects.
@@ -209,29 +223,31 @@ impl Document {
         let positions_m: Vec<_> = used.iter().map(|vertex| object.surface.positions_m[*vertex as usize]).collect();
         let of = |vertex: &u32| vertices[*vertex as usize];
         let normals: Vec<_> = used.iter().map(|v| unit(of(v).normal).unwrap_or([0.0, 1.0, 0.0])).collect();
-        let colours: Vec<[u16; 4]> = used.iter().map(|vertex| shade(of(vertex))).collect();
 
         let positions = self.positions(&positions_m);
         let count = positions_m.len();
         let described = json!({ "componentType": FLOAT, "count": count, "type": "VEC3" });
         let normals = self.accessor(&floats(&normals), ARRAY_BUFFER, described);
-        let described = json!({ "componentType": UNSIGNED_SHORT, "normalized": true, "count": count, "type": "VEC4" });
-        let colours: Vec<u8> = colours.as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect();
-        let colours = self.accessor(&colours, ARRAY_BUFFER, described);
 
-        let mut parts: BTreeMap<(u16, Face), Vec<u8>> = BTreeMap::new();
+        let mut parts: BTreeMap<u16, Vec<u8>> = BTreeMap::new();
         for triangle in triangles {
-            let indices = parts.entry((triangle.region, triangle.face)).or_default();
+            let indices = parts.entry(triangle.region).or_default();
             indices.extend(triangle.vertices.iter().flat_map(|vertex| place[vertex].to_le_bytes()));
         }
         let mut primitives = Vec::new();
-        for ((region, face), indices) in parts {
+        for (region, indices) in parts {
+            let material = self.material(object, region);
+            let colours: Vec<[u16; 4]> = used.iter().map(|vertex| shade(of(vertex), material)).collect();
+            let colours: Vec<u8> = colours.as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect();
+            let described =
+                json!({ "componentType": UNSIGNED_SHORT, "normalized": true, "count": count, "type": "VEC4" });
+            let colours = self.accessor(&colours, ARRAY_BUFFER, described);
             let described = json!({ "componentType": UNSIGNED_INT, "count": indices.len() / 4, "type": "SCALAR" });
             let indices = self.accessor(&indices, ELEMENT_ARRAY_BUFFER, described);
             primitives.push(json!({
                 "attributes": { "POSITION": positions, "NORMAL": normals, "COLOR_0": colours },
                 "indices": indices,
-                "material": self.material(object, region, face),
+                "material": material.place,
             }));
         }
         let mut node = json!({ "mesh": self.meshes.len(), "name": name });
@@ -265,27 +281,26 @@ impl Document {
         self.nodes.len() - 1
     }
 
-    /// The material of a region's skin, or of what was laid open in it.
-    fn material(&mut self, object: &Object, region: u16, face: Face) -> usize {
-        if let Some(known) = self.known_materials.get(&(self.regions, region, face)) {
+    /// The material of a region, in the colour of what was laid open in it.
+    fn material(&mut self, object: &Object, region: u16) -> Material {
+        if let Some(known) = self.known_materials.get(&(self.regions, region)) {
             return *known;
         }
         let index = usize::from(region);
         let stated = object.colours.get(index).copied().flatten().map(|srgb| srgb.map(linear));
         let skin = stated.unwrap_or(SKIN_COLOURS[(self.regions + index) % SKIN_COLOURS.len()]);
-        let own = index.checked_sub(1).and_then(|index| object.regions.get(index)).unwrap_or(&object.name);
-        let (name, [r, g, b]) = match face {
-            Face::Skin => (own.clone(), skin),
-            Face::Cut => (format!("{own} cut"), skin.map(|c| c + CUT_PALENESS * (1.0 - c))),
-        };
+        let name = index.checked_sub(1).and_then(|index| object.regions.get(index)).unwrap_or(&object.name);
+        let [r, g, b] = skin.map(|c| c + CUT_PALENESS * (1.0 - c));
         self.materials.push(json!({
             "name": name,
             "pbrMetallicRoughness": {
                 "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.55,
             },
         }));
-        self.known_materials.insert((self.regions, region, face), self.materials.len() - 1);
-        self.materials.len() - 1
+        let of_skin = [skin[0] / r, skin[1] / g, skin[2] / b];
+        let material = Material { place: self.materials.len() - 1, of_skin };
+        self.known_materials.insert((self.regions, region), material);
+        material
     }
 
     /// Adds places, m, with their bounds.
@@ -383,6 +398,18 @@ mod tests {
         (positions_m, indices.as_chunks::<3>().0.to_vec())
     }
 
+    /// What is seen at the vertices, linear: the colour of the material by theirs, of 16 bits.
+    fn colours(primitive: &gltf::Primitive<'_>, binary: &[u8]) -> Vec<[f32; 3]> {
+        let [r, g, b, _] = primitive.material().pbr_metallic_roughness().base_color_factor();
+        let colours = primitive.reader(|_| Some(binary)).read_colors(0).expect("colours");
+        assert!(matches!(colours, gltf::mesh::util::ReadColors::RgbaU16(_)));
+        colours.into_rgba_f32().map(|of| [r * of[0], g * of[1], b * of[2]]).collect()
+    }
+
+    fn is_near(colour: [f32; 3], expected: [f32; 3]) -> bool {
+        (0..3).all(|c| (colour[c] - expected[c]).abs() < 1e-4)
+    }
+
     /// A roof of two squares that meet at this angle along x = 0; the right one is laid open by a cut
     /// or is skin too.
     fn roof(angle_degrees: f32, right: Face) -> Surface {
@@ -416,28 +443,28 @@ mod tests {
         for normal in reader.read_normals().expect("normals") {
             assert!((dot(normal, normal) - 1.0).abs() < 1e-5 && normal[1] > 0.8, "{normal:?}");
         }
-        let shades: Vec<_> = reader.read_colors(0).expect("colours").into_rgba_u16().collect();
-        assert_eq!(shades, [[u16::MAX; 4]; 6], "no seam");
-        let material = primitive.material();
-        assert_eq!(material.name(), Some("roof"));
-        assert_eq!(material.pbr_metallic_roughness().base_color_factor(), [0.50, 0.09, 0.06, 1.0]);
+        assert_eq!(primitive.material().name(), Some("roof"));
+        for colour in colours(primitive, &binary) {
+            assert!(is_near(colour, [0.50, 0.09, 0.06]), "{colour:?}: all is skin");
+        }
         assert_eq!(file.nodes().len(), 1);
     }
 
     #[test]
-    fn skin_and_cut_have_materials_of_their_own_and_meet_in_a_line() {
+    fn skin_and_cut_differ_in_the_colours_of_their_vertices_and_meet_in_a_line() {
         let (file, binary) =
             read(&[Object { surface: roof(30.0, Face::Cut), name: "roof".into(), ..Object::default() }]);
         let [piece] = &file.scenes().next().expect("a scene").nodes().collect::<Vec<_>>()[..] else { panic!("a node") };
         let mesh = piece.mesh().expect("a mesh");
-        let materials: Vec<_> = mesh.primitives().map(|primitive| primitive.material()).collect();
-        assert_eq!(materials.iter().map(|m| m.name()).collect::<Vec<_>>(), [Some("roof"), Some("roof cut")]);
-        let [skin, cut] = [0, 1].map(|i: usize| materials[i].pbr_metallic_roughness().base_color_factor());
-        assert!((0..3).all(|c| (cut[c] - (skin[c] + 0.4 * (1.0 - skin[c]))).abs() < 1e-6), "{skin:?} {cut:?}");
-        let skin_part = mesh.primitives().next().expect("a primitive");
-        let reader = skin_part.reader(|_| Some(&binary[..]));
-        let shades: Vec<_> = reader.read_colors(0).expect("colours").into_rgba_f32().collect();
-        assert!(shades[2][0] < 0.03 && shades[3][0] < 0.03 && shades[0][0] == 1.0, "{shades:?}");
+        let [both] = &mesh.primitives().collect::<Vec<_>>()[..] else { panic!("one primitive") };
+        let cut = [0.70, 0.454, 0.436];
+        let [r, g, b, _] = both.material().pbr_metallic_roughness().base_color_factor();
+        assert!(is_near([r, g, b], cut), "two fifths of the way from the skin's colour to white");
+        // Two of the skin's, two where both meet, two of the cut's.
+        let shown = colours(both, &binary);
+        for (vertex, expected) in [(0, [0.50, 0.09, 0.06]), (2, cut.map(|c| 0.02 * c)), (4, cut)] {
+            assert!(is_near(shown[vertex], expected) && is_near(shown[vertex + 1], expected), "{vertex}: {shown:?}");
+        }
         let [seam] = &piece.children().collect::<Vec<_>>()[..] else { panic!("a node") };
         let mesh = seam.mesh().expect("a mesh");
         assert_eq!((seam.name(), mesh.primitives().len()), (Some("roof seam"), 1));
@@ -505,12 +532,14 @@ mod tests {
             seams.map(|lines| lines.get(&gltf::Semantic::Positions).expect("positions").count() / 2).sum::<usize>()
         };
         assert_eq!(nodes.iter().map(lines).collect::<Vec<_>>(), [3, 3, 0]);
-        // The second piece is of the tumour, whose colour is stated: 128 of 255 is 0.2159 of the light.
-        let of_second = nodes[1].mesh().expect("a mesh").primitives().next().expect("a primitive").material();
-        let [r, g, b, _] = of_second.pbr_metallic_roughness().base_color_factor();
-        assert_eq!((of_second.name(), r, g), (Some("tumour"), 1.0, 0.0));
-        assert!((b - 0.2159).abs() < 1e-4, "{b}");
-        assert_eq!(file.materials().len(), 6, "skin and cut of two regions, the kidney, and seams");
+        // A body of one region is one primitive: whoever makes a body of each finds it closed.
+        assert!(nodes.iter().all(|node| node.mesh().expect("a mesh").primitives().len() == 1));
+        // The second piece is of the tumour, whose skin has the stated colour: 128 of 255 is 0.2159 of the light.
+        let second = nodes[1].mesh().expect("a mesh").primitives().next().expect("a primitive");
+        assert_eq!(second.material().name(), Some("tumour"));
+        let tip = colours(&second, &binary)[3];
+        assert!(is_near(tip, [1.0, 0.0, 0.2159]), "{tip:?}");
+        assert_eq!(file.materials().len(), 4, "two regions, the kidney, and seams");
     }
 
     #[test]
@@ -521,7 +550,10 @@ mod tests {
         let (file, binary) = read(&[object]);
         let first = file.scenes().next().expect("a scene").nodes().next().and_then(|node| node.mesh()).expect("a mesh");
         let names: Vec<_> = first.primitives().map(|part| part.material().name().map(str::to_owned)).collect();
-        assert_eq!(names, ["liver cut", "tumour"].map(|name| Some(name.to_owned())));
+        assert_eq!(names, ["liver", "tumour"].map(|name| Some(name.to_owned())));
+        // Skin has what of each material's colour makes its own.
+        let tips: Vec<_> = first.primitives().map(|part| colours(&part, &binary)[3]).collect();
+        assert!(is_near(tips[0], [0.50, 0.09, 0.06]) && is_near(tips[1], [0.72, 0.48, 0.14]), "{tips:?}");
         assert_is_closed(&first, &binary, 1.0 / 6.0);
     }
 

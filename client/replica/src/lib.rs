@@ -12,6 +12,7 @@ mod body;
 mod error;
 pub mod glb;
 mod hash;
+pub mod stl;
 mod surface;
 mod vertex;
 

@@ -1,7 +1,8 @@
 """Surfaces as binary glTF 2.0, metres, +y up.
 
-A piece is a node with a mesh, whose primitives have the same vertices: one for the skin of each material, one for what
-a blade laid open in it. Put together they are a closed body. Where they meet there are lines, in a node below.
+A piece is a node with a mesh of a primitive for each region, with a material of the region's name: one of a single
+region is a closed primitive, those of several have the same vertices and are closed together. Skin and what a blade
+laid open differ in the colours of their vertices. Where they meet there are lines, in a node below.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ _SKINS = (
 )
 #: How much of the way to white a wall of a cut is from the skin's colour.
 _CUT_PALENESS = 0.4
-#: What is left of the colours at vertices where both meet.
+#: What is left of the material's colour at vertices where both meet.
 _SEAM_DARKNESS = 0.02
 
 _LINES = 1
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
-_FLOAT, _UNSIGNED_INT = 5126, 5125
+_FLOAT, _UNSIGNED_INT, _UNSIGNED_SHORT = 5126, 5125, 5123
 
 
 def write(surface: Surface, path: Path) -> None:
@@ -60,23 +61,22 @@ class _Document:
         triangles, vertices_m = local.reshape(-1, 3), surface.vertices_m[used]
         is_cut, materials = surface.is_cut[faces // 2], _of_triangles(surface)[faces]
         seam = _seam(triangles, is_cut)
-        shades = np.ones((len(used), 3), dtype=np.float32)
-        shades[np.unique(seam)] = _SEAM_DARKNESS
-        attributes = {
-            "POSITION": self._positions(vertices_m),
-            "NORMAL": self._vectors(_normals(vertices_m, triangles)),
-            "COLOR_0": self._vectors(shades),
-        }
+        on_skin, on_wall = (np.isin(np.arange(len(used)), triangles[side]) for side in (~is_cut, is_cut))
+        shared = {"POSITION": self._positions(vertices_m), "NORMAL": self._vectors(normals(vertices_m, triangles))}
         primitives = []
         for material in np.unique(materials):
-            for cut in (False, True):
-                part = triangles[(materials == material) & (is_cut == cut)]
-                if len(part):
-                    indices = self._accessor(
-                        part.astype("<u4").reshape(-1), _ELEMENT_ARRAY_BUFFER, _UNSIGNED_INT, "SCALAR"
-                    )
-                    look = self._material(*_look(surface, int(material), cut))
-                    primitives.append({"attributes": attributes, "indices": indices, "material": look})
+            name_of_region, skin = _look(surface, int(material))
+            # The paler colour is the material's, since what a vertex has of it is at most all.
+            cut = skin + _CUT_PALENESS * (1.0 - skin)
+            colors = np.where(on_skin[:, None], skin / cut, 1.0)
+            colors[on_skin & on_wall] = _SEAM_DARKNESS
+            part = triangles[materials == material].astype("<u4").reshape(-1)
+            primitive = {
+                "attributes": {**shared, "COLOR_0": self._colors(colors)},
+                "indices": self._accessor(part, _ELEMENT_ARRAY_BUFFER, _UNSIGNED_INT, "SCALAR"),
+                "material": self._material(name_of_region, cut.tolist()),
+            }
+            primitives.append(primitive)
         node: dict[str, Any] = {"mesh": self._add("meshes", {"name": name, "primitives": primitives}), "name": name}
         if len(seam):
             node["children"] = [self._add_seam(vertices_m[seam].reshape(-1, 3), f"{name} seam")]
@@ -99,11 +99,11 @@ class _Document:
         lines = {
             "attributes": {"POSITION": self._positions(ends_m)},
             "mode": _LINES,
-            "material": self._material("seam", (0.0, 0.0, 0.0)),
+            "material": self._material("seam", [0.0, 0.0, 0.0]),
         }
         return self._add("nodes", {"mesh": self._add("meshes", {"name": name, "primitives": [lines]}), "name": name})
 
-    def _material(self, name: str, color: tuple[float, ...]) -> int:
+    def _material(self, name: str, color: list[float]) -> int:
         metallic = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.55}
         material = {"name": name, "pbrMetallicRoughness": metallic}
         known = self._lists["materials"]
@@ -115,6 +115,11 @@ class _Document:
 
     def _vectors(self, vectors: NDArray[Any], **more: Any) -> int:  # noqa: ANN401
         return self._accessor(vectors.astype("<f4"), _ARRAY_BUFFER, _FLOAT, "VEC3", **more)
+
+    def _colors(self, rgb: NDArray[Any]) -> int:
+        # Opaque, and of 16 bits: dark ones would show steps of 8.
+        rgba = np.rint(np.column_stack([rgb, np.ones(len(rgb))]) * 65535.0).astype("<u2")
+        return self._accessor(rgba, _ARRAY_BUFFER, _UNSIGNED_SHORT, "VEC4", normalized=True)
 
     def _accessor(self, values: NDArray[Any], target: int, component: int, kind: str, **more: Any) -> int:  # noqa: ANN401
         data = values.tobytes()
@@ -136,13 +141,13 @@ def _of_triangles(surface: Surface) -> NDArray[np.uint8]:
     return np.asarray(np.repeat(most, 2))
 
 
-def _look(surface: Surface, material: int, cut: bool) -> tuple[str, tuple[float, ...]]:
-    """Name and linear colour of a material, or of what was laid open in it."""
+def _look(surface: Surface, material: int) -> tuple[str, NDArray[Any]]:
+    """Name of a material and linear colour of its skin."""
     known = material < len(surface.material_names)
     name = surface.material_names[material] if known else surface.object_name
     stated = surface.material_colors[material] if known else ""
-    skin = tuple(_linear(c) for c in bytes.fromhex(stated[1:])) if stated else _SKINS[material % len(_SKINS)]
-    return (f"{name} cut", tuple(c + _CUT_PALENESS * (1.0 - c) for c in skin)) if cut else (name, skin)
+    skin = [_linear(c) for c in bytes.fromhex(stated[1:])] if stated else _SKINS[material % len(_SKINS)]
+    return name, np.array(skin)
 
 
 def _linear(srgb: int) -> float:
@@ -159,10 +164,10 @@ def _seam(triangles: NDArray[np.int64], is_cut: NDArray[np.bool_]) -> NDArray[np
     return np.asarray(both[count == 2])
 
 
-def _normals(vertices_m: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[Any]:
+def normals(vertices_m: NDArray[Any], triangles: NDArray[np.int64]) -> NDArray[Any]:
     """Normals at vertices, of the triangles around them by their areas."""
     a, b, c = np.moveaxis(vertices_m.astype(float)[triangles], 1, 0)
-    normals = np.zeros((len(vertices_m), 3))
-    np.add.at(normals, triangles.reshape(-1), np.repeat(np.cross(b - a, c - a), 3, axis=0))
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(length > 0.0, normals / np.where(length > 0.0, length, 1.0), [0.0, 1.0, 0.0])
+    sums = np.zeros((len(vertices_m), 3))
+    np.add.at(sums, triangles.reshape(-1), np.repeat(np.cross(b - a, c - a), 3, axis=0))
+    length = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.where(length > 0.0, sums / np.where(length > 0.0, length, 1.0), [0.0, 1.0, 0.0])

@@ -39,7 +39,10 @@ def _groups(field: str, data: bytes) -> Iterator[int]:
                 break
             yield value
             value = shift = 0
-        else:
+        elif shift < 63:
             shift += 7
+        else:
+            # Shifted on, one without an end would take the square of its length in time.
+            break
     if shift or value:
         raise ReplicaError(f"{field}: not integers of 64 bits", field=field, limit="integers of 64 bits")
