@@ -143,13 +143,8 @@ async fn drive_all(args: &Args, fleet: &Fleet) -> anyhow::Result<Finished> {
     };
     let mut report = Report::of(&run);
     report.limits_exceeded = report.exceeded(&args.limits);
-    let object = |(object, surface): (&v1::ObjectSummary, Surface)| glb::Object {
-        name: object.name.clone(),
-        regions: object.material_names.iter().skip(1).cloned().collect(),
-        colours: object.material_colors.iter().map(|color| glb::srgb(color)).collect(),
-        surface,
-    };
-    let objects = session.scene.objects.iter().zip(all.surfaces).map(object).collect();
+    let told = session.scene.objects.iter().zip(all.surfaces);
+    let objects = told.map(|(object, surface)| glb::Object::of(object, surface)).collect();
     Ok(Finished { report, objects, contacts: all.driven.contacts })
 }
 

@@ -9,8 +9,8 @@ use crate::error::{FieldError, Problem};
 use crate::hash;
 use crate::vertex::Vertex;
 
-/// Most node slots of an object: 12 bytes for each are still one message.
-const MAX_NODES: u32 = (MAX_MESSAGE_BYTES / 12) as u32;
+/// Most node slots of all objects together: 12 bytes for each are still one message.
+pub(crate) const MAX_NODES: u32 = (MAX_MESSAGE_BYTES / 12) as u32;
 
 /// One object. Every vertex refers to an element, every element to nodes, every quad to vertices
 /// that exist: checked when they come in, relied on when positions are evaluated.
@@ -121,11 +121,11 @@ impl Body {
         self.hash_sum
     }
 
-    /// Applies what a keyframe (to an empty body) or a patch says of this object. After an error
-    /// the body is not to be used.
-    pub(crate) fn change(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+    /// Applies what a keyframe (to an empty body) or a patch says of this object; `room` is for how many node slots. After
+    /// an error the body is not to be used.
+    pub(crate) fn change(&mut self, change: &v1::BodyStructure, room: u32) -> Result<(), FieldError> {
         self.set_quantum(change)?;
-        self.upsert_nodes(change)?;
+        self.upsert_nodes(change, room)?;
         if self.has_plain_vertices {
             self.vertices.extend(change.node_ids.iter().map(|id| (*id, Vertex::Node)));
         } else {
@@ -199,11 +199,11 @@ impl Body {
         Ok(())
     }
 
-    fn upsert_nodes(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+    fn upsert_nodes(&mut self, change: &v1::BodyStructure, room: u32) -> Result<(), FieldError> {
         // Slots are never taken away: elements that nothing uses any more still refer to them.
         let min = self.rest_m.len() as u32;
-        if !(min..=MAX_NODES).contains(&change.node_count) {
-            let problem = Problem::Range { min, max: MAX_NODES, got: change.node_count };
+        if !(min..=room).contains(&change.node_count) {
+            let problem = Problem::Range { min, max: room, got: change.node_count };
             return Err(FieldError { field: "node_count", problem });
         }
         check_finite("node_rest_m", &change.node_rest_m)?;

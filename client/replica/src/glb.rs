@@ -12,6 +12,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use kerf_proto::v1;
 use serde_json::{Value, json};
 
 use crate::surface::{Face, Surface, Triangle};
@@ -48,6 +49,19 @@ pub struct Object {
     pub colours: Vec<Option<[u8; 3]>>,
     /// Its surface.
     pub surface: Surface,
+}
+
+impl Object {
+    /// What a scene says of an object, with its surface.
+    #[must_use]
+    pub fn of(told: &v1::ObjectSummary, surface: Surface) -> Self {
+        Self {
+            name: told.name.clone(),
+            regions: told.material_names.iter().skip(1).cloned().collect(),
+            colours: told.material_colors.iter().map(|color| srgb(color)).collect(),
+            surface,
+        }
+    }
 }
 
 /// Writes objects as a `.glb` file.
@@ -171,8 +185,7 @@ pub(crate) fn unit(a: [f32; 3]) -> Option<[f32; 3]> {
 }
 
 /// A colour as the wire has it, "#rrggbb"; none where none is stated.
-#[must_use]
-pub fn srgb(text: &str) -> Option<[u8; 3]> {
+fn srgb(text: &str) -> Option<[u8; 3]> {
     let value = u32::from_str_radix(text.strip_prefix('#')?, 16).ok()?;
     let [_, srgb @ ..] = value.to_be_bytes();
     Some(srgb)

@@ -23,6 +23,7 @@ pub use hash::surface_hash;
 pub use surface::{Face, Surface, Triangle};
 pub use vertex::Vertex;
 
+use body::MAX_NODES;
 use kerf_proto::v1::{self, view_response};
 
 /// The structure and state of every object of a session.
@@ -77,9 +78,7 @@ impl Replica {
     pub fn apply_keyframe(&mut self, keyframe: &v1::Keyframe) -> Result<(), ReplicaError> {
         let has_plain_vertices = keyframe.encoding() == v1::SurfaceEncoding::Vertices;
         let mut bodies = vec![Body::new(has_plain_vertices); keyframe.bodies.len()];
-        for (index, (body, structure)) in bodies.iter_mut().zip(&keyframe.bodies).enumerate() {
-            body.change(structure).map_err(|source| ReplicaError::field("keyframe", index, source))?;
-        }
+        change("keyframe", &mut bodies, &keyframe.bodies)?;
         let structure =
             Structure { topology_version: keyframe.topology_version, has_plain_vertices, reference_step: None, bodies };
         structure.check_hash(keyframe.surface_hash)?;
@@ -107,9 +106,7 @@ impl Replica {
             return Err(ReplicaError::NoKeyframe);
         };
         self.moment = None;
-        for (index, (body, change)) in structure.bodies.iter_mut().zip(&patch.bodies).enumerate() {
-            body.change(change).map_err(|source| ReplicaError::field("patch", index, source))?;
-        }
+        change("patch", &mut structure.bodies, &patch.bodies)?;
         structure.topology_version = patch.to_version;
         structure.check_hash(patch.surface_hash)?;
         self.structure = Some(structure);
@@ -170,6 +167,16 @@ impl Replica {
         self.moment?;
         Some(self.bodies().iter().map(Surface::of).collect())
     }
+}
+
+/// Changes each object, as far as there is room for the nodes of all.
+fn change(message: &'static str, bodies: &mut [Body], changes: &[v1::BodyStructure]) -> Result<(), ReplicaError> {
+    let mut room = MAX_NODES;
+    for (index, (body, change)) in bodies.iter_mut().zip(changes).enumerate() {
+        body.change(change, room).map_err(|source| ReplicaError::field(message, index, source))?;
+        room -= change.node_count;
+    }
+    Ok(())
 }
 
 fn check_body_count(message: &'static str, expected: usize, got: usize) -> Result<(), ReplicaError> {

@@ -12,6 +12,7 @@ pub mod config;
 mod convert;
 mod embedded;
 mod encode;
+mod export;
 mod grpc;
 mod incoming;
 pub mod journal;

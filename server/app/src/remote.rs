@@ -13,6 +13,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
+use crate::export::export;
 use crate::watchdog::SESSIONS;
 
 /// A server that does not answer within this is down, or is not where it was said to be.
@@ -51,6 +52,8 @@ pub enum Action {
     Checkpoints(Id),
     /// Writes a session's state, or a saved one, to a file.
     Download(Download),
+    /// Writes a session's surfaces to a file that ends in .glb, or each closed piece to a folder, as STL.
+    Export(Export),
     /// Keeps the state in a file as a saved one of a session of the same scene.
     Upload(Upload),
     /// Forgets a saved state.
@@ -117,6 +120,15 @@ pub struct Download {
     pub checkpoint: String,
 }
 
+/// Surfaces that go to files.
+#[derive(Args, Clone, Debug)]
+pub struct Export {
+    /// Id of the session, as `list` tells it.
+    pub session: String,
+    /// A file that ends in .glb, or a folder for STL.
+    pub to: PathBuf,
+}
+
 /// A state that comes from a file.
 #[derive(Args, Clone, Debug)]
 pub struct Upload {
@@ -153,7 +165,7 @@ pub fn run(args: &SessionArgs) -> Result<()> {
     let lines = runtime.block_on(async {
         let endpoint = args.access.endpoint(&args.server)?;
         let timeout = match args.action {
-            Action::Download(_) | Action::Upload(_) | Action::Move(_) => TIMEOUT_OF_FILES,
+            Action::Download(_) | Action::Upload(_) | Action::Export(_) | Action::Move(_) => TIMEOUT_OF_FILES,
             _ => TIMEOUT,
         };
         let channel = endpoint.connect_timeout(TIMEOUT).timeout(timeout).connect().await;
@@ -250,6 +262,7 @@ async fn ask(wire: Wire, access: &Access, action: Action) -> Result<Vec<String>,
             std::fs::write(&path, &file).map_err(|error| on_file(&path, &error))?;
             vec![format!("{}: {} bytes", path.display(), file.len())]
         }
+        Action::Export(Export { session, to }) => export(wire, &session, &to).await?,
         Action::Upload(Upload { session, file: path, checkpoint, restore }) => {
             let file = std::fs::read(&path).map_err(|error| on_file(&path, &error))?;
             let named_after = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();

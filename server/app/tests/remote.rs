@@ -1,14 +1,16 @@
 //! `kerf-server session` beside a server that runs.
 
 use std::net::SocketAddr;
-use std::process::Command;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
+use kerf_physics::Vec3;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request};
 use kerf_server::config::ServerConfig;
 use kerf_server::serve::Server;
 
-use super::process::{BLOCK, soon};
+use super::process::{BLOCK, Process, at, soon};
 
 /// What the command prints, or else says on standard error.
 async fn ask(server: SocketAddr, arguments: &[&str]) -> Result<String, String> {
@@ -76,4 +78,34 @@ async fn health_tells_a_server_that_serves_from_one_in_which_a_session_hangs() {
     drop(let_go);
     assert!(hangs.await.unwrap().unwrap());
     server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_halves_of_a_block_are_exported_as_a_file_each() {
+    let mut process = Process::serve(&["--log-filter", "warn"], Stdio::inherit()).await;
+    let session = process.stand().await;
+    let through: Vec<_> = (0..120).map(|step| at(0.012 - 2e-4 * f64::from(step))).collect();
+    process.step(&session, &through).await;
+    let folder = tempfile::tempdir().unwrap();
+    let [glb, pieces] = ["block.glb", "pieces"].map(|name| folder.path().join(name));
+    let export = async |to: &Path| ask(process.address, &["export", &session, to.to_str().unwrap()]).await.unwrap();
+    assert_eq!(export(&glb).await, format!("{}\n", glb.display()));
+    assert!(std::fs::read(&glb).unwrap().starts_with(b"glTF"));
+    let halves = [1, 2].map(|number| pieces.join(format!("block-{number}.stl")));
+    assert_eq!(export(&pieces).await, halves.each_ref().map(|path| format!("{}\n", path.display())).concat());
+    // Each triangle of STL has a normal and three corners of 4-byte numbers, and 2 bytes more. Both halves are closed: the
+    // flux of the position through each is three times its volume.
+    let volume_m3 = |path: &PathBuf| -> f64 {
+        let file = std::fs::read(path).unwrap();
+        let number = |bytes: &[u8]| f64::from(f32::from_le_bytes(bytes.try_into().unwrap()));
+        let corner = |bytes: &[u8]| Vec3::from_fn(|axis, _| number(&bytes[4 * axis..][..4]));
+        let cone = |triangle: &[u8]| {
+            let [a, b, c] = [12, 24, 36].map(|at| corner(&triangle[at..]));
+            a.dot(&b.cross(&c)) / 6.0
+        };
+        file[84..].chunks(50).map(cone).sum()
+    };
+    let volumes_m3 = halves.each_ref().map(volume_m3);
+    let whole_m3 = volumes_m3.iter().sum::<f64>();
+    assert!((whole_m3 - 8e-6).abs() < 1e-6 && volumes_m3.iter().all(|half_m3| *half_m3 > 2e-6), "{volumes_m3:?}");
 }

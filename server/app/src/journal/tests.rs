@@ -1,11 +1,13 @@
 //! Journals that were cut, and whose bits were flipped.
 
+use std::fs::File;
 use std::io::Cursor;
+use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::Arc;
 
 use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, Scene, Vec3};
+use kerf_physics::{Quat, Scene, SceneDesc, SoundScene, Vec3};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::stepping::{StepMotion, Steps};
 use kerf_session::{Past, PastEntry, PoseSample, Registry, SessionLimits, SessionOptions};
@@ -30,14 +32,20 @@ pub fn place(step: usize) -> PoseSample {
     PoseSample { seq: 0, client_ns: 0, pose, opening: OPEN }
 }
 
+/// A block of few voxels: so that each byte of its journal can have its turn.
+fn coarse_block() -> SoundScene {
+    let mut desc: SceneDesc = toml::from_str(BLOCK).unwrap();
+    desc.objects[0].resolution = Some(3);
+    Scene { desc, meshes: Default::default() }.judge().unwrap()
+}
+
 /// The journal of a session that takes so many steps, and goes on from a state in between.
 async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
     let config = ServerConfig { journal_dir: Some(folder.into()), ..ServerConfig::default() };
     let journals = Journals::new(&config).unwrap();
     let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
-    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() }.judge().unwrap();
     let options = SessionOptions { is_journaled: true, start_paused: true, ..SessionOptions::default() };
-    let session = registry.create(scene, options).await.unwrap();
+    let session = registry.create(coarse_block(), options).await.unwrap();
     assert_eq!(journals.begin(&session), None);
     let at = |step: usize| vec![StepMotion { tool: 0, to: Some(place(step)) }];
     for step in 0..steps {
@@ -136,14 +144,8 @@ fn says(past: &Past) -> (Option<&Vec<u8>>, Vec<String>) {
 }
 
 /// Whether a file leads as far along the same way, or is refused.
-fn is_prefix_or_refused(
-    folder: &Path,
-    bytes: &[u8],
-    (base, entries): &(Option<&Vec<u8>>, Vec<String>),
-) -> Option<usize> {
-    let path = folder.join("session-00000001-1.000000000001.mcap");
-    std::fs::write(&path, bytes).unwrap();
-    let (_, past) = past::read(&[path]).ok()?;
+fn is_prefix_or_refused(path: &Path, (base, entries): &(Option<&Vec<u8>>, Vec<String>)) -> Option<usize> {
+    let (_, past) = past::read(&[path.to_owned()]).ok()?;
     let (found_base, found) = says(&past);
     assert!(found.is_empty() && found_base.is_none() || found_base == *base, "another state to go on from");
     assert_eq!(found[..], entries[..found.len()], "another way");
@@ -166,12 +168,14 @@ async fn a_journal_that_is_cut_at_any_byte_leads_to_a_prefix_or_is_refused() {
     let bytes = journal(&folder.path().join("journals"), 40).await;
     let path = folder.path().join("session-00000001-1.000000000001.mcap");
     std::fs::write(&path, &bytes).unwrap();
-    let whole = past::read(&[path]).unwrap().1;
+    let whole = past::read(std::slice::from_ref(&path)).unwrap().1;
     let whole = says(&whole);
     assert!(whole.0.is_some() && whole.1.len() > 15, "{} entries", whole.1.len());
     let (mut refused, mut lengths) = (0, std::collections::BTreeSet::new());
-    for end in 0..bytes.len() {
-        match is_prefix_or_refused(folder.path(), &bytes[..end], &whole) {
+    let file = File::options().write(true).open(&path).unwrap();
+    for end in (0..bytes.len()).rev() {
+        file.set_len(end as u64).unwrap();
+        match is_prefix_or_refused(&path, &whole) {
             Some(length) => drop(lengths.insert(length)),
             None => refused += 1,
         }
@@ -184,23 +188,25 @@ async fn a_journal_that_is_cut_at_any_byte_leads_to_a_prefix_or_is_refused() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_journal_with_any_bit_flipped_leads_nowhere_else() {
     let folder = tempfile::tempdir().unwrap();
-    let mut bytes = journal(&folder.path().join("journals"), 40).await;
+    let bytes = journal(&folder.path().join("journals"), 40).await;
     let path = folder.path().join("session-00000001-1.000000000001.mcap");
     std::fs::write(&path, &bytes).unwrap();
-    let whole = past::read(&[path]).unwrap().1;
+    let whole = past::read(std::slice::from_ref(&path)).unwrap().1;
     let whole = says(&whole);
     let mut refused = 0;
     // A prime, so that every place of a record and every bit of a byte has its turn; and all that say what a record is.
     let kinds = record_offsets(&bytes).into_iter().flat_map(|offset| 8 * offset..8 * (offset + 1));
-    let flips: Vec<usize> = (0..8 * bytes.len()).step_by(53).chain(kinds).collect();
+    let flips: Vec<usize> = (0..8 * bytes.len()).step_by(29).chain(kinds).collect();
+    let file = File::options().write(true).open(&path).unwrap();
     for bit in &flips {
-        bytes[bit / 8] ^= 1 << (bit % 8);
-        match is_prefix_or_refused(folder.path(), &bytes, &whole) {
+        let byte = bit / 8;
+        file.write_at(&[bytes[byte] ^ 1 << (bit % 8)], byte as u64).unwrap();
+        match is_prefix_or_refused(&path, &whole) {
             None => refused += 1,
             // The server was stopped: the disk had confirmed all entries.
             Some(entries) => assert_eq!(entries, whole.1.len(), "bit {bit}: entries that were confirmed are missing"),
         }
-        bytes[bit / 8] ^= 1 << (bit % 8);
+        file.write_at(&bytes[byte..=byte], byte as u64).unwrap();
     }
     println!("{refused} of {} flips are refused", flips.len());
     assert!(refused > flips.len() / 2);
