@@ -4,6 +4,23 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
+use prost::Message;
+use prost_types::FileDescriptorSet;
+
+/// Names of the calls of the protocol.
+fn calls() -> impl Iterator<Item = String> {
+    let descriptors = FileDescriptorSet::decode(kerf_proto::FILE_DESCRIPTOR_SET).expect("descriptors");
+    let services = descriptors.file.into_iter().flat_map(|file| file.service);
+    services.flat_map(|service| service.method).map(|method| method.name().to_owned())
+}
+
+#[test]
+fn the_page_of_the_protocol_names_each_call() {
+    let page = fs::read_to_string(root().join("docs/reference/protocol.md")).expect("the page");
+    let missing: Vec<String> = calls().filter(|name| !page.contains(&format!("`{name}`"))).collect();
+    assert!(missing.is_empty() && calls().count() > 20, "{missing:?}");
+}
+
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the project's folder")
 }

@@ -1,14 +1,17 @@
 //! Journals that were cut, and whose bits were flipped.
 
 use std::fs::File;
-use std::io::Cursor;
+use std::io::{self, Cursor};
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, SoundScene, Vec3};
 use kerf_scenes::dial::ParetoFronts;
+use kerf_session::clock::MonotonicClock;
 use kerf_session::stepping::{StepMotion, Steps};
 use kerf_session::{Past, PastEntry, PoseSample, Registry, SessionLimits, SessionOptions};
 
@@ -18,9 +21,10 @@ use super::files::Files;
 use super::virtual_disk::{Faults, VirtualDisk};
 use super::{Journals, past};
 use crate::config::ServerConfig;
+use crate::recording::Recordings;
 use crate::recording::reader::{RECORD_HEAD_BYTES, Recording};
 use crate::recording::tracks::{Track, Tracks};
-use crate::storage::PART;
+use crate::storage::{PART, Storage, Stored, SystemDisk};
 
 /// What sessions of tests are of.
 pub const BLOCK: &str = include_str!("../../../session/tests/block.toml");
@@ -52,7 +56,7 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
         session.step(Steps { count: 1, inputs: vec![at(step)] }).await.unwrap();
         // Chunks of several steps, and a state to go on from, without a checkpoint that there was.
         if step % 10 == 9 {
-            tokio::time::sleep(std::time::Duration::from_millis(80)).await;
+            tokio::time::sleep(Duration::from_millis(80)).await;
         }
         if step == steps / 2 {
             session.save_checkpoint("kept").await.unwrap();
@@ -85,12 +89,12 @@ async fn a_disk_that_fails_to_sync_ends_the_journal_without_a_retry_and_the_sess
         if !error().is_empty() {
             break;
         }
-        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
+        tokio::time::sleep(Duration::from_millis(10)).await;
     }
     assert!(error().contains("may not be on the disk") && error().contains("Input/output error"), "{}", error());
     assert_eq!(journals.health().broken_off.get(), 1);
     let (step, bytes) = (session.describe().await.unwrap().step, written(folder.path()));
-    tokio::time::sleep(std::time::Duration::from_millis(300)).await;
+    tokio::time::sleep(Duration::from_millis(300)).await;
     assert!(session.describe().await.unwrap().step > step + 20, "it steps on");
     assert_eq!(written(folder.path()), bytes, "nothing is written to a disk that has lost something");
     registry.close_all().await;
@@ -121,6 +125,89 @@ async fn a_journal_that_cannot_be_begun_leaves_no_file() {
         journals.finish_all().await;
     }
     assert!(refused > 2, "{refused} of 10");
+}
+
+/// A disk that does nothing while it stalls.
+#[derive(Debug, Default)]
+struct StallingDisk(Arc<AtomicBool>);
+
+#[derive(Debug)]
+struct StallingFile {
+    file: Arc<dyn Stored>,
+    stalls: Arc<AtomicBool>,
+}
+
+impl Storage for StallingDisk {
+    fn create(&self, path: &Path) -> io::Result<Arc<dyn Stored>> {
+        Ok(Arc::new(StallingFile { file: SystemDisk.create(path)?, stalls: Arc::clone(&self.0) }))
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        SystemDisk.remove(path)
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        SystemDisk.rename(from, to)
+    }
+
+    fn sync_names(&self, folder: &Path) -> io::Result<()> {
+        SystemDisk.sync_names(folder)
+    }
+}
+
+impl Stored for StallingFile {
+    fn append(&self, bytes: &[u8]) -> io::Result<()> {
+        self.wait();
+        self.file.append(bytes)
+    }
+
+    fn sync(&self) -> io::Result<()> {
+        self.wait();
+        self.file.sync()
+    }
+}
+
+impl StallingFile {
+    fn wait(&self) {
+        while self.stalls.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_disk_that_stalls_holds_no_step_up_and_the_journal_has_them_all_afterwards() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = ServerConfig { journal_dir: Some(folder.path().into()), ..ServerConfig::default() };
+    let stalls = Arc::new(AtomicBool::new(false));
+    let storage = Arc::new(StallingDisk(Arc::clone(&stalls)));
+    let journals = Journals { storage, ..Journals::new(&config).unwrap() };
+    let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
+    let options = SessionOptions { is_journaled: true, start_paused: true, ..SessionOptions::default() };
+    let session = registry.create(coarse_block(), options).await.unwrap();
+    assert_eq!(journals.begin(&session), None);
+    stalls.store(true, Ordering::Relaxed);
+    let steps = async |count| session.step(Steps { count, inputs: vec![Vec::new(); 1] }).await.unwrap();
+    for _ in 0..5 {
+        steps(1000).await;
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    let before = session.describe().await.unwrap();
+    assert_eq!(before.step, 5000, "no step waits for the disk");
+    let lag_s = || journals.health().lag(MonotonicClock::now_ns()).oldest_s;
+    assert!(lag_s() > 0.3, "{} s", lag_s());
+    stalls.store(false, Ordering::Relaxed);
+    journals.stop();
+    registry.close_all().await;
+    journals.finish_all().await;
+    drop(journals);
+    let journals = Journals::new(&config).unwrap();
+    let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
+    journals.bring_back(journals.left().unwrap(), &registry, &Recordings::new(&config)).await;
+    let back = registry.get(&session.id().to_string()).unwrap().describe().await.unwrap();
+    assert_eq!((back.step, back.state_hash), (before.step, before.state_hash));
+    registry.close_all().await;
+    journals.finish_all().await;
 }
 
 /// Bytes in a folder.
