@@ -22,6 +22,7 @@ mod metrics;
 mod own_scenes;
 mod prometheus;
 mod recorded;
+mod requests;
 mod secured;
 mod stale;
 mod station;
