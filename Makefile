@@ -151,8 +151,8 @@ soak:
 	@client/python/check.sh soak python ../../tests/soak/soak.py --minutes $(SOAK_MINUTES) --seed $(SOAK_SEED) \
 		--program ../../target/release/kerf-server --out ../../out/soak.csv
 
-# Bytes that nobody meant, for as long with each of the readers; `make test` does it for two seconds each. A failure names
-# its seed and the file that has the input. FUZZ=state picks a reader.
+# Bytes that nobody meant, for as long with each of the readers, in Rust, TypeScript, Python and C#; `make test` does it for
+# two seconds each. A failure names its seed and, in Rust, the file that has the input. FUZZ=state picks a reader of Rust's.
 FUZZ_SECONDS ?= 60
 FUZZ_SEED ?= 1
 FUZZ ?=
@@ -162,6 +162,7 @@ fuzz: $(if $(NPM),client/web/node_modules)
 		cargo test --quiet -p kerf-system-tests fuzz::$(FUZZ) -- --nocapture
 	$(if $(NPM),cd client/web && FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) npm test --silent -- test/fuzz.test.ts)
 	@FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) client/python/check.sh fuzzing pytest --quiet tests/test_fuzz.py
+	@FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) client/unity/Tests~/run.sh fuzz
 
 # The same strokes give the same bits in the tests' profile, in release and, where the machine has it, with AVX-512.
 same-bits:

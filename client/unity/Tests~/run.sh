@@ -1,6 +1,6 @@
 #!/bin/sh
 # Compiles the package and its sample with mono and tries them against a server; Unity's types are stand-ins (Stubs). Mono is installed where Debian's packages may
-# be; what cannot be had is said.
+# be; what cannot be had is said. `run.sh fuzz` only decodes changed streams, for FUZZ_SECONDS each, and needs no server.
 set -eu
 cd "$(dirname "$0")/../../.."
 server=target/debug/kerf-server
@@ -36,6 +36,10 @@ diff -r -x '*.meta' $build/generated client/unity/Runtime/Client/Generated >$bui
 
 mcs -langversion:7.2 -target:library -d:GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE -warnaserror -nowarn:1591 \
     -r:$build/Google.Protobuf.dll -out:$build/Kerf.Client.dll -recurse:'client/unity/Runtime/Client/*.cs'
+mcs -langversion:7.2 -warnaserror -r:$build/Google.Protobuf.dll,$build/Kerf.Client.dll -out:$build/FuzzTest.exe \
+    client/unity/Tests~/FuzzTest.cs
+mono $build/FuzzTest.exe tests/corpus/views proto/vectors/cut.bin proto/vectors/cut-vertices.bin
+[ "${1:-}" != fuzz ] || exit 0
 mcs -langversion:7.2 -warnaserror -r:$build/Google.Protobuf.dll,$build/Kerf.Client.dll -out:$build/LiveTest.exe \
     client/unity/Tests~/LiveTest.cs
 mcs -langversion:7.2 -target:library -warnaserror -nowarn:649 -out:$build/UnityEngine.dll client/unity/Tests~/Stubs/UnityEngine.cs

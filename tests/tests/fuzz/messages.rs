@@ -1,35 +1,58 @@
 //! Messages of clients, and what clients read.
 
+use std::panic::catch_unwind;
+use std::time::Instant;
+
+use kerf_proto::MAX_MESSAGE_BYTES;
 use kerf_proto::v1::{self, ViewResponse, tool_motion};
-use kerf_replica::{Assembler, Replica};
+use kerf_replica::{Assembler, Body, Replica};
 use prost::Message;
 use tonic::Code;
 
-use super::fuzz;
+use super::{PATIENCE, fuzz, inputs_of, messages_of, paths_of};
 use crate::grpc::harness::Harness;
 
-/// What a viewer does with a file of messages, each behind its length.
-fn view(mut file: &[u8]) {
+/// What a viewer does with a file of messages, each behind its length; answers with how many it refuses.
+fn view(file: &[u8]) -> usize {
     let (mut assembler, mut replica) = (Assembler::default(), Replica::default());
-    while let Some((length, rest)) = file.split_first_chunk::<4>() {
-        let (message, rest) = rest.split_at(rest.len().min(u32::from_le_bytes(*length) as usize));
-        file = rest;
-        let whole = ViewResponse::decode(message).ok().and_then(|part| assembler.take(part).ok().flatten());
+    let mut refused = 0;
+    for message in messages_of(file) {
+        let Some(whole) = ViewResponse::decode(message).ok().and_then(|part| assembler.take(part).ok()) else {
+            refused += 1;
+            continue;
+        };
         let Some(message) = whole.and_then(|whole| whole.message) else { continue };
         match replica.apply(&message) {
             Ok(()) => drop(replica.surfaces()),
-            Err(refused) => assert!(!refused.to_string().is_empty()),
+            Err(error) => {
+                assert!(!error.to_string().is_empty());
+                refused += 1;
+            }
         }
+        let nodes: usize = replica.bodies().iter().map(Body::node_slots).sum();
+        assert!(nodes <= MAX_MESSAGE_BYTES / 12, "{nodes} nodes");
+    }
+    refused
+}
+
+#[test]
+fn views_that_every_client_replays() {
+    for path in paths_of("corpus/views", ".bin") {
+        let (path, file) = (path.display().to_string(), std::fs::read(&path).expect("readable"));
+        let began = Instant::now();
+        let refused = catch_unwind(|| view(&file)).unwrap_or_else(|_| panic!("{path}"));
+        assert!(refused == 0 || !path.ends_with("sound.bin"), "{path}: {refused} messages are refused");
+        assert!(began.elapsed() < PATIENCE, "{path}: {:?}", began.elapsed());
     }
 }
 
 #[test]
 fn views() {
-    let vectors = ["cut.bin", "cut-vertices.bin"].map(|name| {
-        let path = format!("{}/../proto/vectors/{name}", env!("CARGO_MANIFEST_DIR"));
-        std::fs::read(path).expect("the vectors of the protocol")
+    let mut corpus = inputs_of("../proto/vectors", ".bin");
+    corpus.extend(inputs_of("corpus/views", ".bin"));
+    fuzz("view", &corpus, |file| {
+        view(file);
     });
-    fuzz("view", &vectors, view);
 }
 
 pub fn motions() -> Vec<v1::StepInput> {

@@ -5,6 +5,7 @@
 //! `make fuzz` for as long as one likes.
 
 mod changes;
+mod control;
 mod files;
 mod messages;
 mod states;
@@ -16,7 +17,7 @@ use std::time::{Duration, Instant};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 
-use changes::{change, changes};
+use changes::{Change, change, changes};
 
 /// Longest that an input may take, on a busy machine. Files take milliseconds.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -30,9 +31,20 @@ fn seconds() -> f64 {
     std::env::var("FUZZ_SECONDS").map_or(2.0, |text| text.parse().expect("FUZZ_SECONDS is a number"))
 }
 
-/// Reads changed inputs until the time is over. One that fails is made as simple as can be, and kept.
+/// Reads inputs of the corpus, and then changed ones until the time is over.
 fn fuzz(target: &str, corpus: &[Vec<u8>], read: impl Fn(&[u8])) {
     corpus.iter().for_each(|input| read(input));
+    let strategy = (any::<prop::sample::Index>(), prop::collection::vec(changes(), 1..=MAX_CHANGES));
+    fuzz_made(target, &strategy, |(input, changes)| changed(input.get(corpus).clone(), &changes, corpus), read);
+}
+
+fn changed(input: Vec<u8>, changes: &[Change], corpus: &[Vec<u8>]) -> Vec<u8> {
+    changes.iter().fold(input, |input, next| change(input, next, corpus))
+}
+
+/// Reads inputs that are made of what a strategy gives until the time is over. One that fails is made as simple as can
+/// be, and kept.
+fn fuzz_made<S: Strategy>(target: &str, strategy: &S, make: impl Fn(S::Value) -> Vec<u8>, read: impl Fn(&[u8])) {
     let (began, inputs) = (Instant::now(), Cell::new(0));
     let first_seed: u64 =
         std::env::var("FUZZ_SEED").map_or(1, |text| text.parse().expect("FUZZ_SEED is a whole number"));
@@ -44,9 +56,8 @@ fn fuzz(target: &str, corpus: &[Vec<u8>], read: impl Fn(&[u8])) {
         bytes[..8].copy_from_slice(&seed.to_le_bytes());
         let config = Config { cases: INPUTS_PER_SEED, failure_persistence: None, ..Config::default() };
         let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
-        let strategy = (any::<prop::sample::Index>(), prop::collection::vec(changes(), 1..=MAX_CHANGES));
-        let outcome = runner.run(&strategy, |(input, changes)| {
-            let input = changes.iter().fold(input.get(corpus).clone(), |input, next| change(input, next, corpus));
+        let outcome = runner.run(strategy, |made| {
+            let input = make(made);
             // Of a process that is ended for its memory this is all that is left.
             std::fs::write(kept(target), &input).expect("a place for inputs");
             let began = Instant::now();
@@ -74,10 +85,25 @@ fn corpus(extension: &str) -> Vec<Vec<u8>> {
 
 /// The files of a folder whose names end so.
 fn inputs_of(folder: &str, extension: &str) -> Vec<Vec<u8>> {
+    paths_of(folder, extension).iter().map(|path| std::fs::read(path).expect("readable")).collect()
+}
+
+fn paths_of(folder: &str, extension: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let mut paths: Vec<_> = entries.filter(|path| path.to_string_lossy().ends_with(extension)).collect();
     paths.sort();
     assert!(!paths.is_empty(), "no {extension} there");
-    paths.iter().map(|path| std::fs::read(path).expect("readable")).collect()
+    paths
+}
+
+/// The messages of a file, each behind its length; of one that ends too soon what there is.
+fn messages_of(mut file: &[u8]) -> Vec<&[u8]> {
+    let mut messages = Vec::new();
+    while let Some((length, rest)) = file.split_first_chunk::<4>() {
+        let (message, rest) = rest.split_at(rest.len().min(u32::from_le_bytes(*length) as usize));
+        messages.push(message);
+        file = rest;
+    }
+    messages
 }

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from kerf import integers, surface_file, surface_hash
 from kerf.errors import ReplicaError
+from kerf.surface_mesh import F32, U32, SurfaceMesh
 from kerf.v1 import view_pb2 as pb
-
-F32 = NDArray[np.float32]
-U32 = NDArray[np.uint32]
 
 #: Most node slots of an object: a state has to carry 12 bytes for each, and has 16 MiB at most.
 _MAX_NODES = (16 << 20) // 12
@@ -64,36 +62,8 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Surface:
+class Surface(SurfaceMesh):
     """The surface of an object where it is after a step. N vertices, M quads."""
-
-    #: Name of the object.
-    object_name: str
-    #: Where the vertices are, scene frame. (N, 3)
-    vertices_m: F32
-    #: Indices into the vertices, counter-clockwise seen from outside. (M, 4)
-    quads: NDArray[np.int64]
-    #: Two for each quad, split along the diagonal from its first vertex. (2 M, 3)
-    triangles: NDArray[np.int64]
-    #: Whether a blade laid the quad open; else it is the object's own surface. (M,)
-    is_cut: NDArray[np.bool_]
-    #: Indices into `SceneObject.material_names`. (N,)
-    materials: NDArray[np.uint8]
-    #: Ids, ascending; they stay as the surface changes. (N,) and (M,)
-    vertex_ids: U32
-    quad_ids: U32
-    #: Steps taken.
-    step: int
-    topology_version: int
-    #: Names of the materials, and their colours as `"#rrggbb"`, sRGB, empty where the scene states none.
-    material_names: tuple[str, ...] = ()
-    material_colors: tuple[str, ...] = ()
-
-    def pieces(self) -> list[NDArray[np.intp]]:
-        """Indices of the triangles of each closed surface that nothing joins to the others, the largest first."""
-        roots = _components(self.quads, len(self.vertices_m))[self.triangles[:, 0]]
-        pieces = [np.flatnonzero(roots == root) for root in np.unique(roots)]
-        return sorted(pieces, key=len, reverse=True)
 
     def save(self, path: str | Path, *, pieces: bool = False) -> list[Path]:
         """Writes the surface to a file, by its ending: `.stl`, `.ply`, `.obj`, `.vtu` or `.glb`.
@@ -107,20 +77,6 @@ class Surface:
         cut stay apart. All but `.glb` need `pip install kerf[mesh]`.
         """
         return surface_file.save(self, Path(path), pieces=pieces)
-
-
-def _components(quads: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Of each vertex the lowest of those that quads join it to."""
-    lowest = np.arange(count)
-    while True:
-        of_quad = lowest[quads].min(axis=1)
-        lower = lowest.copy()
-        np.minimum.at(lower, quads.reshape(-1), np.repeat(of_quad, 4))
-        # Half the way at once: what a vertex points to points further.
-        lower = lower[lower]
-        if np.array_equal(lower, lowest):
-            return lower
-        lowest = lower
 
 
 @dataclass(frozen=True)

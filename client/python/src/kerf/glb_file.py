@@ -10,13 +10,12 @@ from __future__ import annotations
 import json
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from kerf.body import Surface
+from kerf.surface_mesh import SurfaceMesh
 
 #: Linear colours of materials that state none, in the order in which they come.
 _SKINS = (
@@ -37,7 +36,7 @@ _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
 _FLOAT, _UNSIGNED_INT, _UNSIGNED_SHORT = 5126, 5125, 5123
 
 
-def write(surface: Surface, path: Path) -> None:
+def write(surface: SurfaceMesh, path: Path) -> None:
     """Writes a surface with all its pieces."""
     document = _Document()
     pieces = surface.pieces()
@@ -55,7 +54,7 @@ class _Document:
         }
         self._roots: list[int] = []
 
-    def add_piece(self, surface: Surface, faces: NDArray[np.intp], name: str) -> None:
+    def add_piece(self, surface: SurfaceMesh, faces: NDArray[np.intp], name: str) -> None:
         """Adds a piece, given by its triangles, and its seam."""
         used, local = np.unique(surface.triangles[faces], return_inverse=True)
         triangles, vertices_m = local.reshape(-1, 3), surface.vertices_m[used]
@@ -133,7 +132,7 @@ class _Document:
         return len(self._lists[name]) - 1
 
 
-def _of_triangles(surface: Surface) -> NDArray[np.uint8]:
+def _of_triangles(surface: SurfaceMesh) -> NDArray[np.uint8]:
     """Material of each triangle: that of most corners of its quad, of the first where several are of as many."""
     corners = surface.materials[surface.quads]
     counts = (corners[:, :, None] == corners[:, None, :]).sum(axis=2)
@@ -141,7 +140,7 @@ def _of_triangles(surface: Surface) -> NDArray[np.uint8]:
     return np.asarray(np.repeat(most, 2))
 
 
-def _look(surface: Surface, material: int) -> tuple[str, NDArray[Any]]:
+def _look(surface: SurfaceMesh, material: int) -> tuple[str, NDArray[Any]]:
     """Name of a material and linear colour of its skin."""
     known = material < len(surface.material_names)
     name = surface.material_names[material] if known else surface.object_name

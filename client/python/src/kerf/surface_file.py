@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kerf import glb_file
 from kerf.errors import InvalidArgumentError, KerfError, did_you_mean
-
-if TYPE_CHECKING:
-    from kerf.body import Surface
+from kerf.surface_mesh import SurfaceMesh
 
 #: Colours of the outside and of walls of cuts, sRGB and opaque.
 _SKIN, _CUT = (125, 51, 42, 255), (208, 105, 90, 255)
@@ -21,7 +19,7 @@ _SKIN, _CUT = (125, 51, 42, 255), (208, 105, 90, 255)
 _WALL_INSET_M = 1e-7
 
 
-def save(surface: Surface, path: Path, *, pieces: bool) -> list[Path]:
+def save(surface: SurfaceMesh, path: Path, *, pieces: bool) -> list[Path]:
     """Writes a surface, or each of its pieces, by the ending of the path."""
     write = {".stl": _stl, ".ply": _trimesh, ".obj": _trimesh, ".glb": glb_file.write, ".vtu": _vtu}
     ending = path.suffix.lower()
@@ -41,7 +39,7 @@ def save(surface: Surface, path: Path, *, pieces: bool) -> list[Path]:
     return list(surfaces)
 
 
-def _piece(surface: Surface, faces: NDArray[np.intp]) -> Surface:
+def _piece(surface: SurfaceMesh, faces: NDArray[np.intp]) -> SurfaceMesh:
     """A piece, given by its triangles."""
     quads = np.unique(faces // 2)
     used, local = np.unique(surface.quads[quads], return_inverse=True)
@@ -58,7 +56,7 @@ def _piece(surface: Surface, faces: NDArray[np.intp]) -> Surface:
     )
 
 
-def _stl(surface: Surface, path: Path) -> None:
+def _stl(surface: SurfaceMesh, path: Path) -> None:
     # It has no vertices of its own, and readers would join walls that are at the same place.
     walls = surface.triangles[np.repeat(surface.is_cut, 2)]
     inset_m = _WALL_INSET_M * glb_file.normals(surface.vertices_m, walls)
@@ -66,7 +64,7 @@ def _stl(surface: Surface, path: Path) -> None:
     _trimesh(replace(surface, vertices_m=(surface.vertices_m - inset_m).astype(np.float32)), path)
 
 
-def _trimesh(surface: Surface, path: Path) -> None:
+def _trimesh(surface: SurfaceMesh, path: Path) -> None:
     import trimesh
 
     colors = np.where(_is_on_wall(surface)[:, None], _CUT, _SKIN).astype(np.uint8)
@@ -78,7 +76,7 @@ def _trimesh(surface: Surface, path: Path) -> None:
     mesh.export(path)
 
 
-def _vtu(surface: Surface, path: Path) -> None:
+def _vtu(surface: SurfaceMesh, path: Path) -> None:
     import meshio
 
     pieces = np.zeros(len(surface.triangles), dtype=np.int32)
@@ -92,7 +90,7 @@ def _vtu(surface: Surface, path: Path) -> None:
     ).write(path)
 
 
-def _is_on_wall(surface: Surface) -> NDArray[Any]:
+def _is_on_wall(surface: SurfaceMesh) -> NDArray[Any]:
     """Vertices that belong to walls of cuts alone: those of the rim keep the colour of the outside."""
     on_skin = np.zeros(len(surface.vertices_m), dtype=bool)
     on_skin[surface.quads[~surface.is_cut]] = True

@@ -8,7 +8,7 @@ namespace Kerf.Client
     public sealed class Assembler
     {
         /// <summary>What a whole message may hold, bytes: the largest that the server sends.</summary>
-        const int MaxBytes = 64 * 1024 * 1024;
+        internal const int MaxBytes = 64 * 1024 * 1024;
 
         readonly MemoryStream data = new MemoryStream();
         uint remaining;

@@ -8,6 +8,9 @@ namespace Kerf.Client
     /// frame, which is right-handed; see <see cref="Replica"/>.</summary>
     public sealed class Body
     {
+        /// <summary>Most node slots of all objects together: 12 bytes for each are still one message.</summary>
+        internal const uint MaxNodes = Assembler.MaxBytes / 12;
+
         const int Corners = 8;
 
         // Vertices are nodes themselves: SURFACE_ENCODING_VERTICES.
@@ -157,13 +160,13 @@ namespace Kerf.Client
                 * ((corner & 4) != 0 ? vertex.W : 1 - vertex.W);
         }
 
-        /// <summary>Takes what a keyframe (into an empty body) or a patch says. After an exception the body is not to be
-        /// used.</summary>
-        internal void Change(BodyStructure change)
+        /// <summary>Takes what a keyframe (into an empty body) or a patch says; <paramref name="room"/> is for how many node
+        /// slots. After an exception the body is not to be used.</summary>
+        internal void Change(BodyStructure change, uint room)
         {
             if (change.QuantumM > 0) quantumM = change.QuantumM;
             Need(quantumM > 0, "quantum_m", "a positive length");
-            ChangeNodes(change);
+            ChangeNodes(change, room);
             if (hasPlainVertices)
             {
                 ChangePlainVertices(change);
@@ -176,8 +179,9 @@ namespace Kerf.Client
             ChangeQuads(change);
         }
 
-        void ChangeNodes(BodyStructure change)
+        void ChangeNodes(BodyStructure change, uint room)
         {
+            Need(change.NodeCount <= room, "node_count", "at most " + room);
             var numbers = 3 * (int)change.NodeCount;
             Need(numbers >= restM.Length, "node_count", "no fewer than before");
             Array.Resize(ref restM, numbers);

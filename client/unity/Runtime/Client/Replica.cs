@@ -61,7 +61,12 @@ namespace Kerf.Client
             if (changes.Count != bodies.Count) throw new MalformedException("bodies", bodies.Count + " entries");
             // Until all of it is in, the surface is of no version.
             version = null;
-            for (var i = 0; i < changes.Count; i++) bodies[i].Change(changes[i]);
+            var room = Body.MaxNodes;
+            for (var i = 0; i < changes.Count; i++)
+            {
+                bodies[i].Change(changes[i], room);
+                room -= changes[i].NodeCount;
+            }
             StatedHash = statedHash;
             if (!hasPlainVertices && Hash() != statedHash) throw new MalformedException("surface_hash", "the hash of what came before it");
             version = to;

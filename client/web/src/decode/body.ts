@@ -6,8 +6,8 @@ import { decodeExactly, decodeIntegers } from "./integers";
 import { add, heldHash, quadHash, subtract, vertexHash, type Word } from "./hash";
 import { grown, Slots } from "./store";
 
-/** Most node slots of an object: 12 bytes for each are still one message. */
-const MAX_NODES = (64 << 20) / 12;
+/** Most node slots of all objects together: 12 bytes for each are still one message. */
+export const MAX_NODES = (64 << 20) / 12;
 
 /** Every vertex refers to an element, every element to nodes, every quad to vertices that exist. */
 export class Body {
@@ -123,13 +123,16 @@ export class Body {
     return counts(this).every((count, i) => count === theirs[i]);
   }
 
-  /** Applies what a keyframe (to an empty body) or a patch says. After an error the body is not to be used. */
-  change(change: BodyStructure): void {
+  /**
+   * Applies what a keyframe (to an empty body) or a patch says; `room` is for how many node slots. After an error the body
+   * is not to be used.
+   */
+  change(change: BodyStructure, room = MAX_NODES): void {
     const { nodeIds, elementIds, vertexIds, heldVertexIds, quadIds } = change;
     if ([nodeIds, elementIds, vertexIds, heldVertexIds, quadIds].some(({ length }) => length > 0)) this.changes += 1;
     if (elementIds.length > 0) this.elementChanges += 1;
     this.setQuantum(change);
-    this.upsertNodes(change);
+    this.upsertNodes(change, room);
     if (this.hasPlainVertices) {
       this.upsertPlainVertices(change);
     } else {
@@ -198,10 +201,10 @@ export class Body {
     this.quantum = change.quantumM;
   }
 
-  private upsertNodes(change: BodyStructure): void {
+  private upsertNodes(change: BodyStructure, room: number): void {
     const { nodeCount, nodeIds, nodeRestM } = change;
-    if (nodeCount < this.nodeCount || nodeCount > MAX_NODES) {
-      throw new FieldError("node_count", `${nodeCount} is outside ${this.nodeCount}..${MAX_NODES}`);
+    if (nodeCount < this.nodeCount || nodeCount > room) {
+      throw new FieldError("node_count", `${nodeCount} is outside ${this.nodeCount}..${room}`);
     }
     checkAscending("node_ids", nodeIds);
     checkLength("node_rest_m", nodeRestM, 3 * nodeIds.length);

@@ -11,7 +11,7 @@ import {
   SurfaceEncoding,
   type TopologyPatch,
 } from "../gen/kerf/v1/view_pb";
-import { Body } from "./body";
+import { Body, MAX_NODES } from "./body";
 import { FieldError, ReplicaError } from "./check";
 import { surfaceHash } from "./hash";
 
@@ -71,7 +71,11 @@ export class Replica {
 
   private change(message: string, changes: BodyStructure[], version: bigint, hash: bigint): void {
     checkCount(message, changes, this.objects);
-    this.each(message, changes, (body, change) => body.change(change));
+    let room = MAX_NODES;
+    this.each(message, changes, (body, change) => {
+      body.change(change, room);
+      room -= change.nodeCount;
+    });
     const computed = surfaceHash(this.objects.map((body) => body.hashSum));
     const isHashed = this.objects.some((body) => !body.hasPlainVertices);
     if (isHashed && computed !== hash) {
