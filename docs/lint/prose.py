@@ -1,6 +1,7 @@
 """A prose linter: long sentences and banned words in Markdown. prose.py FILE... ends with 1 if it finds any.
 
-Blocks of code, tables, headings and link targets are not prose. What a generator writes is checked all the same.
+Only `.`, `?` and `!` end a sentence, not `;` or `:`. A list item and a cell of a table are prose of their own. Blocks of
+code, headings and link targets are not prose. What a generator writes is checked all the same.
 """
 
 import re
@@ -21,7 +22,7 @@ def words_banned():
 
 
 def paragraphs(text):
-    """Line number and text of each paragraph and list item."""
+    """Line number and text of each paragraph, list item and cell of a table."""
     kept, first, is_code = [], 0, False
     for number, line in enumerate([*text.splitlines(), ""], start=1):
         if line.lstrip().startswith("```"):
@@ -31,6 +32,8 @@ def paragraphs(text):
         if ends and kept:
             yield first, " ".join(kept)
             kept = []
+        if line.startswith("|") and not is_code:
+            yield from ((number, cell.strip()) for cell in re.split(r"(?<!\\)\|", line))
         if is_code or not line.strip() or line.lstrip().startswith("```") or (IGNORED.match(line) and not is_item):
             continue
         if not kept:
@@ -46,8 +49,7 @@ def plain(text):
 
 
 def sentences(text):
-    # A colon before a list of clauses, and a semicolon, end a thought as a full stop does.
-    return [one for one in re.split(r"(?<=[.!?:;])\s+", text) if one]
+    return [one for one in re.split(r"(?<=[.!?])\s+", text) if one]
 
 
 def faults(path, banned):

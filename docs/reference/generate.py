@@ -11,8 +11,8 @@ SETTINGS = """# Settings of the server
 
 <!-- Written by `make reference`. -->
 
-What `kerf-server serve --print-config` prints: every setting with its default and the reason for it. Save it, change it, and give
-it back with `--config FILE`. A setting can also be a variable (`KERF_SESSION__LEASE_S=3`) or a flag
+The output of `kerf-server serve --print-config`: every setting with its default and the reason for it. Save it, change it, and
+pass it with `--config FILE`. A setting can also be a variable (`KERF_SESSION__LEASE_S=3`) or a flag
 (`--set session.lease_s=3`). [The server](server.md) explains them. Settings whose default depends on the machine are not listed
 with a value.
 

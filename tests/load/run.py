@@ -8,6 +8,7 @@ import pathlib
 import statistics
 import subprocess
 import sys
+import textwrap
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -120,7 +121,9 @@ def page():
     if last["refused"]:
         end = f"""Of {last['sessions'] + last['refused']:.0f} sessions the server refused {last['refused']:.0f}, in these words:
 
-> {last['refusal']}"""
+```text
+{textwrap.fill(last['refusal'], 120)}
+```"""
     elif last["late_share"] > MOST_LATE:
         end = f"With {last['sessions']:.0f} sessions {100 * last['late_share']:.1f} % of the steps of those that are cut were late."
     else:

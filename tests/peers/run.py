@@ -13,9 +13,9 @@ ROUNDS = 3
 HEAD = """# Peers
 
 Written by `make peers`, which installs MuJoCo with pip and builds Rapier. A cube of 90 mm, 1000 nodes, E 1.5 MPa,
-nu 0.4, stands on its lowest nodes and settles under its weight for 0.5 s; one thread; the median step of each of {rounds}
-runs taken in turn, then the median of these. Linear systems are solved to a relative residual of 1e-3 in each. The sag
-of the top is what says whether the step was solved: at rest it is 0.023 mm, less than the {free:.4f} mm of a block that may
+nu 0.4, is fixed at its lowest nodes and settles under its weight for 0.5 s, on one thread. A figure is the median over
+{rounds} runs, taken in turn, of the median step of each. Linear systems are solved to a relative residual of 1e-3 in each.
+The sag of the top shows whether the step was solved: at rest it is 0.023 mm, less than the {free:.4f} mm of a block that may
 widen at its foot. Peers have tetrahedra on the same nodes; ours are hexahedra. Neither peer cuts by energy, and no
 blade is in this scene: it compares the elastic step alone.
 

@@ -34,8 +34,8 @@ impl Report<'_> {
              *Retried* counts solves that missed their tolerance at first. *Unconverged* counts steps that were\n\
              integrated without it. *Unsettled* counts steps that left the force of a contact for the next one.\n\
              \n\
-             | model | dicings | steps | links parted | most parts | rolled back | retried | unconverged | unsettled, of 1e6 \
-             | most iterations | put away | residual/work, median, worst | stored beyond work, worst | with findings |\n\
+             | model | dicings | steps | links cut | most parts | rolled back | retried | unconverged | unsettled, of 1e6 \
+             | most iterations | deactivated | residual/work, median, worst | stored beyond work, worst | with findings |\n\
              |---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
             self.command
         );

@@ -54,11 +54,12 @@ impl Tables {
         format!(
             "# Stability at the extremes\n\n\
              Every supported range is run at its ends: stiffness from 100 Pa to 10 GPa, Poisson's ratio to 0.4999, time \
-             steps from 0.1 ms to 0.1 s, voxels from 10 um to 1 m, starts far from rest, blades at 10 m/s. {holding} of \
-             {cases} cases hold, {refused} are refused with a reason, and {true_properties} of {properties} properties that are tried on random inputs. The \
-             failures are [below](#what-fails). {not_finite} cases have a number that is not finite.\n\n\
+             steps from 0.1 ms to 0.1 s, voxels from 10 um to 1 m. Further cases start far from rest, or move a blade \
+             at 10 m/s. {holding} of {cases} cases hold, and {refused} are refused with a reason. Of {properties} \
+             properties that are tried on random inputs {true_properties} hold. The failures are [below](#what-fails). \
+             {not_finite} cases have a number that is not finite.\n\n\
              `make extremes` runs all of it with seed {seed}, and writes this page and its \
-             [tables](../reference/stability/README.md). The same code and seed give the same bytes; these \
+             [tables](../reference/stability/README.md). The same code and seed yield the same bytes; these \
              are of commit {commit}. Every case runs at the solver's default tolerance and iteration cap. Materials are damped at a tenth of critical in proportion to \
              mass and as much in proportion to stiffness, at the body's lowest frequency.\n\n\
              A case holds where all of this is true:\n\n\
@@ -66,7 +67,7 @@ impl Tables {
              most {MOST_MEDIAN_ITERATIONS} iterations.\n\
              - Energy is bounded. The stored energy (elastic, contact, kinetic) never exceeds that of the start plus the \
              net work of tools and loads by more than {MOST_MADE} of the energy put in. The energy put in is the start's \
-             energy, the magnitudes of all work, and what a blade put down in tissue compresses; at least 1e-6 E V.\n\
+             energy, the magnitudes of all work, and the compression by a blade put down in tissue; at least 1e-6 E V.\n\
              - The body comes to rest. After {REST_PERIODS} periods of its slowest vibration its kinetic energy is at most \
              {REST_KINETIC:e} of the energy put in. Where it is fixed, whole and unloaded, every node is within \
              {REST_VOXELS} voxels of its place at rest. Shorter runs are not judged by this.\n\n",
@@ -96,9 +97,9 @@ impl Tables {
             );
         }
         text.push_str(
-            "\nThe energy error is the energy beyond what was put in, over what was put in.\n\n\
+            "\nThe energy error is the energy beyond the energy put in, over the energy put in.\n\n\
              ![Energy error of every case, in order of size](../reference/stability/stability-energy.png)\n\n\
-             The energy error of every case, in order of its size. Most cases make no energy and lie on the lowest \
+             The energy error of every case, in order of its size. Most cases create no energy and lie on the lowest \
              line; the dashed line is the limit.\n\n",
         );
     }
@@ -118,7 +119,7 @@ impl Tables {
         }
         text.push_str("\nThese are refused before their first step, with a reason:\n\n");
         for (case, reason) in self.cases.iter().filter_map(|case| Some((case, case.refusal()?))) {
-            let _ = writeln!(text, "- {} ({}): {reason}", case.case, case.values);
+            let _ = writeln!(text, "- {} ({}). {reason}", case.case, case.values);
         }
     }
 
@@ -147,7 +148,7 @@ impl Tables {
 
     fn properties(&self, text: &mut String) {
         text.push_str(
-            "\n## Properties\n\nproptest draws inputs from the same seed and shrinks what fails. The table of properties \
+            "\n## Properties\n\nproptest draws inputs from the same seed and shrinks failures. The table of properties \
              has the smallest failing input.\n\n| property | inputs | verdict |\n|---|---|---|\n",
         );
         for property in &self.properties {

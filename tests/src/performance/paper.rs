@@ -73,8 +73,8 @@ pub fn section(_plots: &Path) -> Result<String> {
     let mut text = String::from(
         "\n## The paper's Table 1\n\nMeans of a step, ms, as the paper has them; ours at 1 kHz and, where a step is \
          a frame, at 60 Hz, one thread. The paper's processor and step are not stated there. Each column is the mean \
-         over the steps in which it ran; collision is the blade's and the tissue's with itself; at 1 kHz the surface \
-         is adapted after the steps that are shown, 60 a second.\n\n\
+         over the steps in which it ran. Collision is that of blade and tissue, and of the tissue with itself. At 1 \
+         kHz the surface is adapted after the steps that are shown, 60 times a second.\n\n\
          | model | | voxels | elements | FEM | evolution | collision | topology | adaptation | fracture | no fracture \
          |\n|---|---|---|---|---|---|---|---|---|---|---|\n",
     );

@@ -152,7 +152,7 @@ pub fn page(rows: &[Row], commit: &str) -> String {
     }
     text.push_str(STROKES);
     text.push_str(
-        "| model | voxels | strokes | that cut | links parted | area, m^2 | most pieces | rolled back | volume ratio: mean, worst | strokes beyond 0.1 | residual, worst | crossing pairs, most | folded edges, most |\n\
+        "| model | voxels | strokes | that cut | links cut | area, m^2 | most pieces | rolled back | volume ratio: mean, worst | strokes beyond 0.1 | residual, worst | crossing pairs, most | folded edges, most |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for row in rows {
@@ -176,7 +176,7 @@ pub fn page(rows: &[Row], commit: &str) -> String {
         );
     }
     text.push_str(
-        "\nVolume ratio: change of the enclosed rest volume over A h. Residual: what the ledger leaves unexplained, over \
+        "\nVolume ratio: change of the enclosed rest volume over A h. Residual: the ledger's unexplained energy, over \
          the tools' work. Crossing pairs: triangles that pass through each other in the reference configuration, at most \
          after a stroke. They have no limit: where neither diagonal of a quad stays between its link and its edges, \
          they may cross. Folded edges: edges of the skin whose triangles have normals more than 90 degrees apart, above \
@@ -207,7 +207,7 @@ sine or an arc. The blade is lifted where the stroke ends, between a fifth of th
 The liver is the built-in one. The others are scanned meshes of its size, 0.2 m, and material, fixed at their foot; they do
 not come with Kerf (`STROKES_MODELS` names their paths). Gravity and loads are off, so that severed pieces stay in reach. A
 body is replaced after the strokes per body above, or earlier where its largest piece is below a quarter of its voxels or 15
-strokes in a row parted nothing.
+strokes in a row cut nothing.
 
 ## Requirements after every stroke
 

@@ -99,7 +99,7 @@ impl Tables {
              that have a limit keep it. The {missed} others are listed [below](#limits-that-are-missed), with their \
              causes where these are known.\n\n\
              `make verify` runs every case, writes the [tables](../reference/verification/README.md) and this page; the \
-             same code gives the same bytes. These figures are those of commit {commit}. `make verify-page` writes the \
+             same code yields the same bytes. These figures are those of commit {commit}. `make verify-page` writes the \
              page from the tables. A coarse part of each family runs in `make test`. The page shows that the equations are solved, not that they \
              describe tissue; [the experiment](experiment.md) compares with a published measurement.\n\n",
             missed = limited - met,
@@ -274,7 +274,7 @@ fn line(figure: &Figure) -> String {
 
 const ENERGY: &str = "## The energy of a cut
 
-A cutting simulator is right where a cut costs what the material says. Let Pi be the potential energy of tissue and tool
+A cutting simulator is correct where a cut costs the material's fracture energy. Let Pi be the potential energy of tissue and tool
 force together, A the area that is cut, and Gc the fracture energy of the material. In a steady cut
 
 ```math
@@ -311,7 +311,7 @@ on the coarsest mesh of the offset crack.
 
 Every figure with a relative limit, in order of its size. A point above the dashed line misses its limit.
 
-The last family compares Kerf's crack front with the rule of He et al. (2022), which parts a link where its elastic energy
+The last family compares Kerf's crack front with the rule of He et al. (2022), which cuts a link where its elastic energy
 reaches Gc / h. On the same cut the front takes Gc w on every mesh. The other rule takes 18 to 143 times Gc w, and the factor
 grows with the level. Kerf keeps that rule as `fracture_rule = \"link_energy\"` for this comparison.
 

@@ -7,12 +7,12 @@ use super::{Family, Series, Study};
 
 const HEADER: &str = "# Verification: tables
 
-Written by `make verify`. [The page](../../explanation/verification.md) says what these figures show. This page has
+Written by `make verify`. [The page](../../explanation/verification.md) explains these figures. This page has
 their set-up and a CSV file for each family of cases. Figures are deterministic: a re-run writes the same bytes.
 
 | column | content |
 |---|---|
-| `case`, `mesh` | what is measured, and on which mesh where the case does not name it |
+| `case`, `mesh` | the measured quantity, and the mesh where the case does not name it |
 | `compared` | `relative`: the error is relative to the reference; `zero`: the reference is zero and the figure an upper bound, a power of ten; `at_most`: the reference must not be exceeded |
 | `reference`, `unit`, `measured` | both in the same unit; ratios have none |
 | `error_percent`, `limit_percent` | relative error and the largest allowed; empty where there is none |

@@ -212,7 +212,7 @@ pub fn report(folder: &Path) -> anyhow::Result<String> {
     text += "\nA model that is too soft lets the tool sink in before the server answers. Tool and tissue then push each other \
              back, and the controller brakes only the hand. So the server's stiffness has to be right.\n\
              \n![stiffest tissue by round trip](haptics-stability.png)\n\n## What is felt\n\nThe table has the swing \
-             of the hand and the energy given out beyond what was taken in. The force error is the rms difference \
+             of the hand and the energy released beyond the energy absorbed. The force error is the rms difference \
              between the rendered contact's force and the tissue's at the same place, over the tissue's rms \
              force.\n\n| tissue, N/m | round trip, ms | rendering | swing, mm | energy, mJ | force error, % |\n\
              |---|---|---|---|---|---|\n";

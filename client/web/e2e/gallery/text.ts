@@ -47,7 +47,7 @@ these are one session. The paper uses another model.`,
     title: "Three materials",
     seen: `Jelly dents deepest before it ruptures, rubber least, tofu between them. The curves are the force on the blade
 over its depth; they drop where the material ruptures.`,
-    ours: `The order is the paper's, from which our fracture energies were taken; the paper gives neither energies nor
+    ours: `The order is the paper's, from which our fracture energies were taken; the paper states neither energies nor
 forces. Each material's steady force is its fracture energy times the length of the edge in it, which grows in a dome.`,
     scene: "`jelly`, `tofu` and `rubber` at 500 Hz; the blade goes down 30 mm at 50 mm/s.",
   },
@@ -73,7 +73,7 @@ seen: \`center_m = [0.075, 0.158, 0.057]\`, \`radius_m = 0.014\`.`,
     figure: 15,
     title: "Other models, cut at will",
     seen: `A gummy bear loses an ear, an apple a slice, a cucumber its end. Cut faces have a colour of their own. Each
-is shown with the blade halfway, and when a grasper has taken away what was cut off.`,
+is shown with the blade halfway, and when a grasper has taken away the severed piece.`,
     ours: `The gummy bear is the paper's in size and material. Its horse, armadillo and bunny are meshes of others that
 do not come with this program; any closed mesh does (\`shape = { mesh = ... }\`). Apple and cucumber are built-in
 materials in a ball and a capsule.`,
@@ -92,7 +92,7 @@ ${seen}
 
 *Scene:* ${scene} \`make figures FIGURE=${figure}\`
 `;
-  return `<!-- Written by \`make figures\`: its words stand in client/web/e2e/gallery/text.ts. -->
+  return `<!-- Written by \`make figures\`: its text is in client/web/e2e/gallery/text.ts. -->
 # Gallery
 
 These are the figures of "Versatile cutting fracture evolution modeling for deformable object cutting simulation" (He et
