@@ -21,7 +21,7 @@ pub enum RequestError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// The transport failed while a stream was read.
-    #[error("{0}")]
+    #[error("{}", .0.message())]
     Transport(Box<Status>),
     /// The client speaks another version.
     #[error("protocol_version {theirs}: this server speaks {}", kerf_proto::PROTOCOL_VERSION)]

@@ -15,8 +15,8 @@ from kerf.errors import ReplicaError
 from kerf.surface_mesh import F32, U32, SurfaceMesh
 from kerf.v1 import view_pb2 as pb
 
-#: Most node slots of an object: a state has to carry 12 bytes for each, and has 16 MiB at most.
-_MAX_NODES = (16 << 20) // 12
+#: Most node slots of an object: a state has to carry 12 bytes for each, and has 64 MiB at most.
+_MAX_NODES = (64 << 20) // 12
 
 
 class Table:

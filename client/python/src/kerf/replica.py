@@ -22,7 +22,7 @@ __all__ = ["Assembler", "Replica", "Surface"]
 T = TypeVar("T")
 
 #: What a whole message may hold, bytes: the largest that the server sends.
-_MAX_MESSAGE_BYTES = 16 << 20
+_MAX_MESSAGE_BYTES = 64 << 20
 
 
 class Assembler:

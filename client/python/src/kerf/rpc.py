@@ -19,7 +19,7 @@ Q = TypeVar("Q", bound=Message)
 PROTOCOL_VERSION = 3
 
 #: What one message may hold, bytes; the server cuts larger ones of the view stream in parts.
-_MAX_MESSAGE_BYTES = 16 << 20
+_MAX_MESSAGE_BYTES = 64 << 20
 
 
 #: Bytes of a part of a file: as the protocol advises.
