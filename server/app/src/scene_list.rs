@@ -125,7 +125,7 @@ mod tests {
         let names = || scenes.list().into_iter().map(|listed| listed.name).collect::<Vec<_>>();
         assert!(names().contains(&"mine".into()) && !names().contains(&"broken".into()));
         assert_eq!(names().len(), catalog::builtin_names().len() + 1);
-        assert_eq!(names()[..2], ["mine", "liver"], "what was put there, then what a newcomer would choose");
+        assert_eq!(names()[..2], ["mine", "liver-tissue"], "what was put there, then what a newcomer would choose");
         assert_eq!(scenes.load("mine").unwrap().unwrap().desc.name, "block");
         assert_eq!(scenes.load("liver").unwrap().unwrap().desc.name, "liver", "a built-in scene is not replaced");
         write("mine.toml", &format!("description = \"changed\"\n{block}"));
