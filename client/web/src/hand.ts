@@ -1,7 +1,7 @@
 // The hand of whoever sits at the page: where a tool is wanted, by mouse, finger or key.
 
 import { type Camera, type PerspectiveCamera, Quaternion, Vector3 } from "three";
-import type { DrivenPose } from "./net/hands";
+import type { DrivenPose } from "./net/hands-messages";
 
 /** The camera looks down more steeply than this, rad: up and down on the screen is there and back on the table. */
 const STEEP_RAD = 1.0;

@@ -4,7 +4,7 @@ import { Box3, Quaternion, Raycaster, Vector2, Vector3 } from "three";
 import type { SurfaceShape } from "./decode/surface";
 import type { SceneSummary, Vec3 } from "./gen/kerf/v1/types_pb";
 import type { GetInteriorResponse } from "./gen/kerf/v1/view_pb";
-import type { DrivenPose } from "./net/hands";
+import type { DrivenPose } from "./net/hands-messages";
 import type { Frame } from "./net/frames";
 import { Interior } from "./scene/interior";
 import type { Stage } from "./scene/stage";

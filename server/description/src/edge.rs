@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::SceneError;
 use super::wording::{brief, out_of_range};
-use super::{BladeDesc, SceneError};
 
 /// An edge that leans more than this towards the cutting direction has none of its own: the cosine
 /// between its tangent and the tool's y axis, of 80 degrees against the x-z plane.
@@ -105,12 +105,11 @@ fn sin(x: f64) -> f64 {
     wide::f64x4::splat(x).sin().to_array()[0]
 }
 
-/// The first thing that is wrong with a blade's edge: the field below the blade's, and what it is. The
-/// blade's width is sound.
-pub fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64) -> Option<(String, String)> {
+/// The first thing that is wrong with the edge of a blade, whose width is sound: the field below the blade's, and what
+/// it is.
+pub fn problem(edge: &EdgeDesc, width_m: f64, smallest_voxel_m: f64, most_voxels: f64) -> Option<(String, String)> {
     let refused = |field: &str, message: String| Some((format!("edge.{field}"), message));
-    let width_m = blade.width_m;
-    let field = match &blade.edge {
+    let field = match edge {
         EdgeDesc::Straight => "straight",
         EdgeDesc::Arc { sagitta_m } => {
             if !sagitta_m.is_finite() {
@@ -157,7 +156,7 @@ pub fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64) -> Op
             return None;
         }
     };
-    let points_m = blade.edge.points_m(width_m).ok()?;
+    let points_m = edge.points_m(width_m).ok()?;
     let message = shape_problem(&points_m, width_m).or_else(|| {
         let length_m: f64 = points_m.windows(2).map(|ends| (ends[1] - ends[0]).norm()).sum();
         let voxels = length_m / smallest_voxel_m;

@@ -108,7 +108,7 @@ pub struct SceneDesc {
     /// The velocity solver. Default: see [`SolverDesc`].
     #[serde(default)]
     pub solver: SolverDesc,
-    /// Asks for a setting of the dial by what it is to cost or to err, instead of stating one. It is
+    /// Asks for a setting of the dial by its cost or its error, instead of stating one. It is
     /// settled before a world is built. Default: the scene is taken as it is.
     #[serde(default)]
     pub dial: Option<DialDesc>,
@@ -220,7 +220,7 @@ impl std::fmt::Display for DialDesc {
     }
 }
 
-/// Bounds of what is given up so that a session keeps its deadlines.
+/// Bounds of the accuracy that is given up so that a session keeps its deadlines.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GovernorDesc {

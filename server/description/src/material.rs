@@ -35,7 +35,7 @@ pub struct MaterialDesc {
     /// Default 0: linear co-rotational.
     #[serde(default)]
     pub strain_stiffening: f64,
-    /// What relaxes in time. Default: nothing, which costs nothing.
+    /// The stress that relaxes in time. Default: none, which costs nothing.
     #[serde(default)]
     pub viscosity: Option<ViscosityDesc>,
     /// Strain that the tissue is under in life: where it is cut, it retracts. Default: none, which costs nothing.
@@ -46,7 +46,7 @@ pub struct MaterialDesc {
     /// tissue slides.
     #[serde(default)]
     pub friction_coefficient: f64,
-    /// What it looks like, as "#b5473c"; a cut face is drawn paler. For the eye alone. Default: a viewer chooses by name.
+    /// Its colour, as "#b5473c"; a cut face is drawn paler. For the eye alone. Default: a viewer chooses by name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>", regex(pattern = "^#[0-9a-fA-F]{6}$"))]
     pub color: Option<Color>,

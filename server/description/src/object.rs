@@ -26,14 +26,14 @@ pub struct ObjectDesc {
     /// How an element's stiffness follows from its voxels. Default `by_content`.
     #[serde(default)]
     pub element: ElementKind,
-    /// What decides where a blade parts it. Default `front`.
+    /// The criterion by which a blade cuts it. Default `front`.
     #[serde(default)]
     pub fracture_rule: FractureRule,
     /// Regions of a lower level: around a lesion, along a planned cut. Elements that touch differ by at
     /// most one level, so the elements around a region grow step by step. Default: none.
     #[serde(default)]
     pub finer: Vec<FinerDesc>,
-    /// Elements across the thinnest limb, neck or sheet, 1 to 8: where the object is thinner than so many elements of
+    /// Elements across the thinnest limb, neck or sheet, 1 to 8. Where the object is thinner than so many elements of
     /// its level, they are smaller, but never so small that they would fold under a blade. 2 or 3 are worth their cost.
     /// Default: the level holds everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -44,7 +44,7 @@ pub struct ObjectDesc {
     /// Default: none.
     #[serde(default)]
     pub regions: Vec<RegionDesc>,
-    /// Voxels whose centre lies in one of these shapes are held where they are. Default: none.
+    /// Voxels whose centre lies in one of these shapes are fixed. Default: none.
     #[serde(default)]
     pub fixed: Vec<ShapeDesc>,
     /// Loads other than gravity. Default: none.
@@ -73,9 +73,9 @@ impl ObjectDesc {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ElementKind {
-    /// `incompatible_modes`; `homogenised` in whole cells whose voxels differ tenfold in shear modulus or
-    /// more and whose element would be half as stiff again as they are, or stiffer, under some uniform
-    /// strain: where layers or inclusions are smaller than the element. Default.
+    /// `incompatible_modes`, or `homogenised` where layers or inclusions are smaller than the element: in whole
+    /// cells whose voxels differ tenfold or more in shear modulus. In these the element would also be stiffer than
+    /// its voxels by half or more, under some uniform strain. Default.
     #[default]
     ByContent,
     /// Trilinear displacement alone. Locks towards incompressibility; to compare with.
@@ -101,7 +101,7 @@ impl ElementKind {
     }
 }
 
-/// What decides where a blade parts an object.
+/// The criterion by which a blade cuts an object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FractureRule {
@@ -109,7 +109,7 @@ pub enum FractureRule {
     /// the mesh. Default.
     #[default]
     Front,
-    /// A link ahead of the edge parts where its elastic energy per area reaches Gc: the rule of He et al. (2022), its
+    /// A link ahead of the edge is cut where its elastic energy per area reaches Gc: the rule of He et al. (2022), its
     /// units mended. The force of the cut depends on the voxels and the level; to compare with.
     /// `initiation_ratio` has no part in it, and a material with a `rate` is refused.
     LinkEnergy,
@@ -139,6 +139,6 @@ pub struct RegionDesc {
     pub name: String,
     /// Where it holds.
     pub shape: ShapeDesc,
-    /// What holds there.
+    /// The material within the shape.
     pub material: MaterialDesc,
 }

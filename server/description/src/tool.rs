@@ -11,7 +11,7 @@ use super::EdgeDesc;
 pub struct ToolDesc {
     /// Name, unique among the tools.
     pub name: String,
-    /// What it is.
+    /// Its shape.
     pub shape: ToolShapeDesc,
 }
 
@@ -41,7 +41,7 @@ impl ToolDesc {
     }
 }
 
-/// What a tool is.
+/// The shape of a tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ToolShapeDesc {
@@ -61,7 +61,7 @@ pub enum ToolShapeDesc {
 pub struct BladeDesc {
     /// How far the edge reaches along x, m: the length of a straight one.
     pub width_m: f64,
-    /// Height of the flanks above the edge, m. They are what the edge sweeps in +y.
+    /// Height of the flanks above the edge, m. They are the area that the edge sweeps in +y.
     pub height_m: f64,
     /// Shape of the edge. Default: straight.
     #[serde(default)]
@@ -119,8 +119,8 @@ fn default_edge_half_width_m() -> f64 {
 pub struct GrasperDesc {
     /// Radius around the reference point within which the jaws take hold, m, 1e-4 to 0.1.
     pub radius_m: f64,
-    /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: 250 kPa, or half the Young's modulus of
-    /// the scene's stiffest material where that is more, over the jaws' area, pi radius_m^2.
+    /// Force on the tool above which the grasped tissue slips out, N, 1e-6 to 1e6. Default: 250 kPa, or half the Young's
+    /// modulus of the scene's stiffest material where that is more, over the jaws' area, pi radius_m^2.
     #[serde(default)]
     pub max_force_n: Option<f64>,
 }
@@ -153,7 +153,7 @@ pub struct CapsuleDesc {
 }
 
 /// Two straight blades on a pivot, which is the tool's reference point: +x runs from there along the closed
-/// blades to their tips, the pivot's axis is z. Closing cuts what lies between them.
+/// blades to their tips, the pivot's axis is z. Closing cuts the tissue between them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ScissorsDesc {

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,25 @@ from kerf.model import Floats, Scene, StepResult
 from kerf.motion import POSE_COLUMNS, Motion, Placement
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
     from typing import Self
-
-    from kerf.client import Client
 
 #: What a tool was told in a step.
 _STAYED, _MOVED, _LIFTED = 0, 1, 2
+
+
+class SessionLike(Protocol):
+    """What a replay needs of a `Session`."""
+
+    def step(self, count: int, motions: Sequence[Mapping[int | str, Motion]]) -> StepResult:
+        """Takes steps, and tells tools in each of them where to go."""
+
+
+class ClientLike(Protocol):
+    """What a replay needs of a `Client`."""
+
+    def create_session(self, *, toml: str, files: Mapping[str, bytes]) -> AbstractContextManager[SessionLike]:
+        """Begins a session of a scene, which ends at the end of a `with`."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +110,7 @@ class Recording:
                     values = [*self.poses[step, tool], self.openings[step, tool]]
                     rows.writerow([time_s, name, *(repr(float(value)) for value in values)])
 
-    def replay(self, client: Client) -> StepResult:
+    def replay(self, client: ClientLike) -> StepResult:
         """Takes the same steps in a new session and compares the state hash after each call.
 
         Raises:

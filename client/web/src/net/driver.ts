@@ -3,7 +3,7 @@
 
 import { Code, ConnectError } from "@connectrpc/connect";
 import { ContactFlag, type SendPoseResponse } from "../gen/kerf/v1/control_pb";
-import type { DrivenPose } from "./hands";
+import type { DrivenPose } from "./hands-messages";
 import { inWords } from "./errors";
 import { control } from "./server";
 

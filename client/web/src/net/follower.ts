@@ -2,7 +2,7 @@
 // cut is cut in a sweep.
 
 import { Quaternion, Vector3 } from "three";
-import type { DrivenPose } from "./hands";
+import type { DrivenPose } from "./hands-messages";
 
 /** Time in which a tool comes most of the way to where it is wanted, s. */
 const FOLLOW_S = 0.05;

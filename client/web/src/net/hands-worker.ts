@@ -4,7 +4,7 @@
 /// <reference lib="webworker" />
 import { Driver } from "./driver";
 import { Follower } from "./follower";
-import type { FromHandsWorker, ToHandsWorker } from "./hands";
+import type { FromHandsWorker, ToHandsWorker } from "./hands-messages";
 import { sayToken } from "./token";
 
 /** Poses come twice as often as pictures, ms: a tool goes in smaller steps, and a call costs a browser half of one. */

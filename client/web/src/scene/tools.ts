@@ -2,7 +2,7 @@
 
 import { ConeGeometry, CylinderGeometry, Group, Mesh, MeshBasicMaterial, Quaternion, Vector3 } from "three";
 import type { ToolSummary } from "../gen/kerf/v1/types_pb";
-import type { DrivenPose } from "../net/hands";
+import type { DrivenPose } from "../net/hands-messages";
 import type { ToolFrame } from "../net/frames";
 import { NeckLength } from "./neck";
 import { type ToolShape, toolShape } from "./tool-shapes";

@@ -1,10 +1,11 @@
 //! How a body's solver is made of its description and its state, and made anew where these have changed.
 
-use super::{Body, Solver, rigid};
+use super::parts::RigidParts;
+use super::{Body, Solver};
 use crate::Mat3;
 use crate::boundary::{Boundary, Solid};
 use crate::fem::block::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
-use crate::fem::held::GROUND;
+use crate::fem::matrices::GROUND;
 use crate::grid::VoxelId;
 use crate::grid::levels::LevelChange;
 use crate::solve::assembly::CHUNK_ELEMENTS;
@@ -77,7 +78,7 @@ impl Body {
         }
         self.number_nodes(None);
         self.state.boundary = Boundary::of(self.solid());
-        self.state.rigid = rigid::RigidParts::new(self);
+        self.state.rigid = RigidParts::new(self);
         self.rebuild_external_forces();
         self.evaluate(workers, 20);
         for element in 0..self.base().elements.len() {

@@ -2,9 +2,10 @@
 
 use super::Body;
 use crate::fem::anisotropic::Moduli;
-use crate::fem::composite::{CompositeTables, ElementMatrices, Field, FilledVoxel};
+use crate::fem::composite::{CompositeTables, Field, FilledVoxel};
 use crate::fem::homogenise::{apparent_moduli, periodic_moduli};
 use crate::fem::material::Elastic;
+use crate::fem::matrices::ElementMatrices;
 use crate::grid::VoxelId;
 use crate::scene::ElementKind;
 use std::collections::BTreeMap;

@@ -3,8 +3,8 @@
 use super::Body;
 use super::loads::Hold;
 use crate::Vec3;
-use crate::fem::composite::ElementMatrices;
 use crate::fem::held::{Corner, HeldVoxel, VoxelCorners, hold};
+use crate::fem::matrices::ElementMatrices;
 use crate::grid::{Grid, Ijk, VoxelId};
 use crate::math::Aabb;
 use crate::solve::assembly::CHUNK_ELEMENTS;

@@ -2,7 +2,7 @@
 
 use super::evaluation::ChunkSums;
 use super::held::HeldElements;
-use super::rigid::RigidParts;
+use super::parts::RigidParts;
 use super::rollback::SavedState;
 use crate::Vec3;
 use crate::boundary::Boundary;

@@ -5,48 +5,18 @@
 //! that its angular momentum says (Simo and Wong 1991), and its velocities turn along. What that takes of forces is
 //! given back to the solve as centrifugal and Coriolis forces.
 
-use super::rigid::{Totals, take_motion};
+use super::rigid::take_motion;
+use super::rigid_motion::{MOST_TURN_RAD, Totals, Turn, share_of_turn};
 use super::{Body, Nodal, State};
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::workers::Workers;
 use crate::{Mat3, Vec3};
 use nalgebra::Rotation3;
-use serde::{Deserialize, Serialize};
 
-/// A free part turns by at most this angle in a step, rad: what it meets is looked for along a straight line.
-const MOST_TURN_RAD: f64 = 0.25;
 /// What turns by less than this in a step moves along straight lines, which widen it by 5e-5 at most, rad.
 const LEAST_TURN_RAD: f64 = 0.01;
-/// Fixed-point iterations for the spin at the middle of a step; each gains as many digits as the turn is small.
-const SPIN_ITERATIONS: usize = 4;
 /// Corners of an element at the ends of its four diagonals.
 const DIAGONALS: [[usize; 2]; 4] = [[0, 7], [1, 6], [2, 5], [4, 3]];
-
-/// The share of a spin by which a part turns as far as it may in a step.
-pub(super) fn share_of_turn(spin: Vec3, dt_s: f64) -> f64 {
-    (MOST_TURN_RAD / (dt_s * spin.norm())).min(1.0)
-}
-
-/// How a part turns in a step.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct Turn {
-    /// The part's motion at the beginning of the step.
-    motion: Totals,
-    rotation: Mat3,
-}
-
-impl Turn {
-    fn of(motion: Totals, dt_s: f64) -> Self {
-        let rotation = |spin: Vec3, share: f64| *Rotation3::new(spin * (share * dt_s)).matrix();
-        let mut spin = motion.spin;
-        let inertia = motion.inertia.lu();
-        for _ in 0..SPIN_ITERATIONS {
-            let half = rotation(spin, 0.5);
-            spin = half * inertia.solve(&half.tr_mul(&motion.angular)).unwrap_or_default();
-        }
-        Self { motion, rotation: rotation(spin, 1.0) }
-    }
-}
 
 /// The shape that a free part would have if nothing strained it, turned as it is, and its motion.
 #[derive(Clone, Copy, Default)]

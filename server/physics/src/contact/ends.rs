@@ -59,6 +59,14 @@ impl Contact<ToolEnds> {
         let impulse = self.impulse(dt_s);
         impulses.extend(self.ends.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
     }
+
+    /// Its spring alone, times the square of [`Body::quasi_static_dt_s`]: it holds though it has given, for what comes
+    /// back comes back against it, and nothing rubs.
+    #[must_use]
+    pub fn quasi_static_spring(&self, dt_s: f64) -> PointSpring {
+        let stiffness = dt_s * dt_s * self.stiffness_n_per_m;
+        PointSpring::new(self.ends.weights.iter(), self.direction.into(), stiffness)
+    }
 }
 
 /// The springs of contacts with tools in a body's matrix: one for each point, of which contacts come one after the

@@ -4,10 +4,9 @@
 //! incompatible modes are the same: for an isotropic material this is the element of
 //! [`super::composite`].
 
-use super::composite::{
-    CompositeTables, DOFS, ElementMatrices, Field, FilledVoxel, MODES, Matrix24, Sums, measured_share,
-};
+use super::composite::{CompositeTables, Field, FilledVoxel, MODES, Sums, measured_share};
 use super::material::Elastic;
+use super::matrices::{DOFS, ElementMatrices, Matrix24};
 use nalgebra::{Matrix6, Vector6};
 
 /// Stiffness of a material, Pa, by xx, yy, zz, yz, zx, xy; shears are engineering strains.

@@ -1,9 +1,8 @@
 //! Four elements side by side: their data, their state, and what an evaluation finds of them.
 
-use super::composite::ElementMatrices;
 use super::ground::GroundBlock;
-use super::held::GROUND;
 use super::lanes::{PACKED, pack, set_lane};
+use super::matrices::{ElementMatrices, GROUND};
 use super::packed::{MOST_SHARED, PackedMatrix, Shared};
 use super::viscosity::{BranchState, Viscosity, ViscosityBlock};
 use crate::Mat3;

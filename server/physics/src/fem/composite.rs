@@ -7,8 +7,8 @@
 //! From each mode the linear part with the same mean gradient over the filled voxels is removed, so that a
 //! constant strain excites none of them (patch test); then the 9x9 block is condensed out.
 
-use super::held::Ground;
 use super::material::Elastic;
+use super::matrices::{DOFS, ElementMatrices, Matrix24};
 
 /// Stiffness of the hourglass modes of an empty cell over `mu H`. A few voxels in a corner of a cell
 /// hardly feel how its far corners are warped; without this the element's matrix is singular in `f32`
@@ -20,34 +20,11 @@ const HOURGLASS_STIFFNESS: f64 = 1e-3;
 /// `sigma = E eps exp(c eps^2)` holds all the same, since little volume changes.
 pub const MEASURED_POISSON_RATIO: f64 = 0.45;
 
-/// Local degrees of freedom: 8 corners x 3.
-pub const DOFS: usize = 24;
 pub(super) const MODES: usize = 9;
 /// Corners' dofs, then modes.
 const ALL: usize = DOFS + MODES;
 /// Functions that the divergence is projected on: 1 and the three coordinates.
 const LINEAR: usize = 4;
-
-/// A symmetric 24x24 matrix by 3x3 node blocks; row and column are `3 * corner + axis`.
-pub type Matrix24 = [[f64; DOFS]; DOFS];
-
-/// Matrices of one element in its rest frame.
-#[derive(Clone, Debug)]
-pub struct ElementMatrices {
-    /// Stiffness with the incompatible modes condensed, N/m.
-    pub stiffness: Box<Matrix24>,
-    /// Stiffness of the trilinear field alone, N/m, its bulk no stiffer than at [`MEASURED_POISSON_RATIO`]:
-    /// what the strain-stiffening law measures.
-    pub stiffness_measured: Box<Matrix24>,
-    /// Consistent mass between corners, kg; the same for each axis.
-    pub mass_kg: [[f64; 8]; 8],
-    /// Shape gradients averaged over the filled volume, 1/m: F = sum_a x_a d_a^T.
-    pub mean_gradient: [[f64; 3]; 8],
-    /// Filled volume, m^3; of a held element that of the voxels which are not held.
-    pub volume_m3: f64,
-    /// Present where voxels, or corners of voxels, are held.
-    pub ground: Option<Ground>,
-}
 
 /// Displacements that an element is capable of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,12 +8,12 @@
 
 use super::block::{ElementBlock, ElementState, Evaluation, NodalBuffers, StepTerms};
 use super::composite::corner_pair;
-use super::ground::{GroundBlock, GroundLanes, GroundPoints};
-use super::held::GROUND;
+use super::ground::{GroundBlock, GroundLanes};
 use super::lanes;
+use super::matrices::GROUND;
 use super::packed::PackedMatrix;
 use super::relaxation::Motion;
-use super::rotation::{improve_rotation, rotation_matrix};
+use super::rotation::{Placed, improve_rotation, rotation_matrix};
 use wide::{f32x4, f64x4};
 
 /// Exponent `2 c w / E` beyond which the stiffening energy goes on along its tangent: 400 times as
@@ -28,18 +28,6 @@ const SERIES_BELOW: f64 = 0.03;
 /// A rotation that was improved by less than 1e-4 rad is off by less than 1e-8 rad after it: the steps
 /// converge quadratically.
 const TURNED_ENOUGH_RAD2: f64 = 1e-8;
-
-/// Where four elements are, in their rest frames.
-pub(super) struct Placed<'a> {
-    /// R and the mean deformation gradient, row-major.
-    pub(super) rotation: &'a [f64x4; 9],
-    pub(super) gradient: &'a [f64x4; 9],
-    /// Positions of the corners from the origin and displacements, m.
-    pub(super) position_m: &'a [f64x4; 24],
-    pub(super) displacement_m: &'a [f64x4; 24],
-    /// Present where any is held.
-    pub(super) ground: Option<GroundPoints>,
-}
 
 /// Products of an element's stiffness matrices with a vector in its rest frame.
 struct Products {

@@ -1,8 +1,8 @@
 //! What holds four elements: the ground points of [`super::held`] beside their corners.
 
-use super::held::{GROUND, Ground, GroundStiffness};
 use super::lanes;
 use super::lanes::set_lane;
+use super::matrices::{GROUND, Ground, GroundStiffness};
 use wide::f64x4;
 
 /// Stiffness between corners and ground points of four elements, N/m; zero where nothing is held.

@@ -13,15 +13,12 @@
 //! by the weights X_j / H. With these three beside its eight corners the element is as any other: it resists neither
 //! translation nor rotation of all of them.
 
-use super::composite::{
-    CompositeTables, DOFS, ElementMatrices, Field, FilledVoxel, Matrix24, shape_functions, shape_gradients,
-};
+use super::composite::{CompositeTables, Field, FilledVoxel, shape_functions, shape_gradients};
 use super::material::Elastic;
+use super::matrices::{DOFS, ElementMatrices, GROUND, Ground, GroundStiffness, Matrix24};
 use nalgebra::{Cholesky, DMatrix};
 use serde::{Deserialize, Serialize};
 
-/// Ground points' degrees of freedom; `3 * point + axis`.
-pub const GROUND: usize = 9;
 /// Corners' and ground points'.
 const ALL: usize = DOFS + GROUND;
 /// Fraction of the plain element's matrices that is left in an element whose voxels are held or hardly reach out of
@@ -36,24 +33,6 @@ const LEAST_RESISTED: f64 = 0.1;
 const TRILINEAR: f64 = 0.25;
 /// Displacements that are condensed at most: the time goes with the cube. Beyond it they stay trilinear.
 const MOST_CONDENSED: usize = 450;
-
-/// Stiffness between an element's corners and the ground points, N/m, beside that between its corners.
-#[derive(Clone, Debug)]
-pub struct GroundStiffness {
-    /// Row: corner's degree of freedom.
-    pub coupling: Box<[[f64; GROUND]; DOFS]>,
-    /// Of the ground points.
-    pub own: Box<[[f64; GROUND]; GROUND]>,
-}
-
-/// What holds an element.
-#[derive(Clone, Debug)]
-pub struct Ground {
-    /// Goes with [`ElementMatrices::stiffness`].
-    pub stiffness: GroundStiffness,
-    /// Goes with [`ElementMatrices::stiffness_measured`].
-    pub measured: GroundStiffness,
-}
 
 /// What the corners of a cell's voxels are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -6,8 +6,9 @@
 //! iterations, 0.15 s at k = 8 and 1.8 s at k = 16, layered 4 and 31 ms.
 
 use super::anisotropic::Moduli;
-use super::composite::{CompositeTables, DOFS, Field, FilledVoxel, Matrix24};
+use super::composite::{CompositeTables, Field, FilledVoxel};
 use super::material::Elastic;
+use super::matrices::{DOFS, Matrix24};
 use nalgebra::{DMatrix, DVector};
 
 /// Voxels along a cell's edge up to which the periodic problem is solved by a dense factor.

@@ -3,7 +3,7 @@
 //! Nested loops over small arrays do not vectorise by themselves; with an element per lane every
 //! operation is a whole vector, and the bits do not depend on the width of the machine's registers.
 
-use super::composite::Matrix24;
+use super::matrices::Matrix24;
 use std::ops::{Add, Mul, Sub};
 use wide::{f32x4, f32x8, f64x4};
 

@@ -9,6 +9,7 @@ pub mod held;
 pub mod homogenise;
 pub mod lanes;
 pub mod material;
+pub mod matrices;
 pub mod packed;
 mod relaxation;
 mod rotation;

@@ -1,9 +1,9 @@
 //! What the relaxing branches of four elements do as the elements move.
 
 use super::block::{ElementBlock, ElementState, Evaluation};
-use super::corotation::Placed;
-use super::held::GROUND;
 use super::lanes;
+use super::matrices::GROUND;
+use super::rotation::Placed;
 use super::viscosity::ViscosityBlock;
 use wide::f64x4;
 

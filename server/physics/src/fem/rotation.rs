@@ -1,12 +1,24 @@
 //! Rotations of elements, and what their dependence on the positions does to forces.
 
 use super::block::ElementBlock;
-use super::corotation::Placed;
-use super::held::GROUND;
+use super::ground::GroundPoints;
+use super::matrices::GROUND;
 use wide::f64x4;
 
 /// Smallest eigenvalue of `tr(S) I - S`, relative to the size of S, at which it is still inverted.
 const ROTATION_FLOOR: f64 = 0.2;
+
+/// Where four elements are, in their rest frames.
+pub(super) struct Placed<'a> {
+    /// R and the mean deformation gradient, row-major.
+    pub(super) rotation: &'a [f64x4; 9],
+    pub(super) gradient: &'a [f64x4; 9],
+    /// Positions of the corners from the origin and displacements, m.
+    pub(super) position_m: &'a [f64x4; 24],
+    pub(super) displacement_m: &'a [f64x4; 24],
+    /// Present where any is held.
+    pub(super) ground: Option<GroundPoints>,
+}
 
 impl ElementBlock {
     /// Adds what the dependence of R on the positions contributes to dU/dx: `B x d_a` with

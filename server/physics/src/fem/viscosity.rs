@@ -12,8 +12,8 @@
 //! `g = exp(-a/2)` would lose it. The step applies the force at its end, `s K w1`: it dissipates for every a,
 //! since `1 - (1 - g)^2 >= e^2`.
 
-use super::held::GROUND;
 use super::lanes::set_lane;
+use super::matrices::GROUND;
 use serde::{Deserialize, Serialize};
 use wide::f64x4;
 

@@ -543,7 +543,9 @@ impl Report {
             self.number(&format!("{field}.flank_friction"), coefficient, 1e-3..=2.0);
         }
         self.across(format!("{field}.width_m"), blade.width_m, smallest_voxel_m);
-        if width_is_sound && let Some((at, message)) = edge::problem(blade, smallest_voxel_m, MAX_BLADE_VOXELS) {
+        if width_is_sound
+            && let Some((at, message)) = edge::problem(&blade.edge, blade.width_m, smallest_voxel_m, MAX_BLADE_VOXELS)
+        {
             self.refuse(format!("{field}.{at}"), message);
         }
     }

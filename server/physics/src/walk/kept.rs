@@ -1,13 +1,11 @@
 //! What changes seldom keeps its hash.
 
 use super::hash::hash;
+use super::walker::KEPT;
 use serde::de::{Deserialize, Deserializer};
 use serde::ser::{Serialize, SerializeTupleStruct, Serializer};
 use std::ops::{Deref, DerefMut};
 use std::sync::OnceLock;
-
-/// Name by which a walk knows a hash with what it is of.
-pub(super) const KEPT: &str = "Kept";
 
 /// A hash that is made when it is first asked for, of what whoever holds it says; forgotten when that changes.
 #[derive(Clone, Debug, Default)]

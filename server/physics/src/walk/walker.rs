@@ -1,11 +1,13 @@
 //! The walk itself: a serializer that takes everything apart into numbers.
 
-use super::kept::KEPT;
 use super::{Place, Visitor, WalkError};
 use serde::ser::{
     Serialize, SerializeMap, SerializeSeq, SerializeStruct, SerializeStructVariant, SerializeTuple,
     SerializeTupleStruct, SerializeTupleVariant, Serializer,
 };
+
+/// Name by which a walk knows a hash with what it is of.
+pub(super) const KEPT: &str = "Kept";
 
 /// Walks `value`.
 pub(super) fn walk<V: Visitor>(value: &impl Serialize, visitor: &mut V) {

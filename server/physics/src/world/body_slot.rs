@@ -1,7 +1,6 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
 use super::activity::Activity;
-use super::contact_model;
 use super::pulled::Pulled;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, Lost, TopologyChange};
@@ -158,7 +157,7 @@ impl BodySlot {
     pub(super) fn set_quasi_static_springs(&mut self, of_tissue: impl Iterator<Item = PointSpring>, dt_s: f64) {
         let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
         let pressing = self.contacts.iter().flat_map(ToolContact::pressing).chain(cohesive);
-        self.body.set_springs(pressing.map(|contact| contact_model::point_spring(contact, dt_s)).chain(of_tissue));
+        self.body.set_springs(pressing.map(|contact| contact.quasi_static_spring(dt_s)).chain(of_tissue));
     }
 
     /// Whether links may part in this step.

@@ -1,15 +1,8 @@
-//! What a step would move too far is braked: free parts and flaps that would turn too far, and pieces that it would lead
-//! uphill. The ledger books the work of the brake.
+//! What a step would turn too far is braked: free parts and flaps. The ledger books the work of the brake.
 
 use super::body_slot::BodySlot;
-use super::motion;
 use super::state::State;
 use crate::contact::Contact;
-use crate::workers::Workers;
-
-/// The motion of a piece that a step leads uphill is halved at most so many times. Ours: one is enough nearly always, and
-/// what is left is a thousandth of it.
-const MOST_HALVINGS: u32 = 10;
 
 /// Brakes what turns too fast, between the solve and the step that it is for.
 pub(super) fn spins(dt_s: f64, state: &mut State) {
@@ -21,33 +14,6 @@ pub(super) fn spins(dt_s: f64, state: &mut State) {
         state.awake().for_each(brake);
         book(dt_s, state);
     }
-}
-
-/// Takes a step that has led pieces uphill back, and half of their motion from it, until it leads none uphill; see
-/// [`crate::body::Body::find_overshot`].
-pub(super) fn overshoots(workers: &Workers<'_>, dt_s: f64, state: &mut State) {
-    for _ in 0..MOST_HALVINGS {
-        // Nearly always empty, and then without memory of its own.
-        let overshot: Vec<(usize, Vec<bool>)> = state.slots.iter().enumerate().filter_map(overshot).collect();
-        if overshot.is_empty() {
-            return;
-        }
-        state.awake().for_each(|slot| slot.body.take_back_step(workers, &slot.velocity_change));
-        for (index, parts) in overshot {
-            let slot = &mut state.slots[index];
-            let taken = &mut slot.scratch.taken_m_per_s;
-            taken.resize(slot.body.node_count(), [0.0; 3]);
-            slot.body.halve_motion(&parts, &mut slot.velocity_change, taken);
-        }
-        book(dt_s, state);
-        motion::integrate(workers, state);
-        motion::evaluate_step(workers, state);
-    }
-}
-
-fn overshot((index, slot): (usize, &BodySlot)) -> Option<(usize, Vec<bool>)> {
-    let parts = if slot.is_asleep() { None } else { slot.body.find_overshot(&slot.scratch.taken_m_per_s) };
-    parts.map(|parts| (index, parts))
 }
 
 fn may_turn_too_far(slot: &BodySlot) -> bool {
@@ -68,7 +34,7 @@ fn brake(slot: &mut BodySlot) {
 /// `(M + S) d` of the brake, which takes its product with the motion that is left. Contacts keep the force of
 /// the solve over the motion of the solve: what they did along `d` reached no tissue and is the brake's too. What keeps
 /// the momentum of free parts does its work over the motion that is left.
-fn book(dt_s: f64, state: &mut State) {
+pub(super) fn book(dt_s: f64, state: &mut State) {
     for slot in state.slots.iter_mut().filter(|slot| !slot.scratch.taken_m_per_s.is_empty()) {
         let taken = &slot.scratch.taken_m_per_s;
         let elements = 0..slot.body.base().elements.len();

@@ -105,7 +105,7 @@ struct Spring {
     row: Vec6,
     stiffness_n_per_m: f64,
     direction: Vec3,
-    /// As [`point_spring`], among the solver's unknowns.
+    /// Its [`Contact::quasi_static_spring`], among the solver's unknowns.
     point: PointSpring,
     /// Present where the direction turns as the point slides: the lever arm of what it turns about, m, and how much
     /// stiffness that takes away, N/m.
@@ -122,7 +122,7 @@ impl Spring {
             row: Vec6::new(d.x, d.y, d.z, turn.x, turn.y, turn.z),
             stiffness_n_per_m: contact.stiffness_n_per_m,
             direction: d,
-            point: body.among_unknowns(&point_spring(contact, body.quasi_static_dt_s())),
+            point: body.among_unknowns(&contact.quasi_static_spring(body.quasi_static_dt_s())),
             turning,
         }
     }
@@ -140,13 +140,6 @@ impl Spring {
             Vec3::new(x, y, z)
         }))
     }
-}
-
-/// A contact's spring alone, times the square of [`Body::quasi_static_dt_s`]: it holds though it has given, for what comes
-/// back comes back against it, and nothing rubs.
-pub(super) fn point_spring(contact: &Contact, dt_s: f64) -> PointSpring {
-    let stiffness = dt_s * dt_s * contact.stiffness_n_per_m;
-    PointSpring::new(contact.ends.weights.iter(), contact.direction.into(), stiffness)
 }
 
 impl ToolModel {
@@ -171,7 +164,7 @@ impl ToolModel {
 
     /// Goes on with the model of tool `index`: as far as the step's work allows, and by one field at least, so that it
     /// comes to an end. The operators of the bodies that the tool presses on get the springs of all contacts, by
-    /// [`point_spring`], from `load`.
+    /// [`Contact::quasi_static_spring`], from `load`.
     pub(super) fn go_on(
         &mut self,
         workers: &Workers<'_>,

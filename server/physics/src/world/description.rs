@@ -1,7 +1,6 @@
 //! What a world is of: nothing of this changes while it is stepped.
 
 use super::BodySlot;
-use super::file::SceneIdentity;
 use crate::Vec3;
 use crate::body::MaterialPoint;
 use crate::grid::Grid;
@@ -11,6 +10,7 @@ use crate::scene::wording::brief;
 use crate::scene::{Scene, SceneError, ToolDesc};
 use crate::tool::ToolShape;
 use crate::walk;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A material point that is followed.
@@ -32,6 +32,24 @@ pub(super) struct Description {
     pub(super) tracked_points: Vec<TrackedPoint>,
     /// What leaves it is put away, scene frame.
     pub(super) reach: Aabb,
+}
+
+/// By what a scene is known: its name, its steps, and hashes over all that it states.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct SceneIdentity {
+    pub(super) name: String,
+    pub(super) rate_hz: f64,
+    /// By their paths, in the order of the scene.
+    parts: Vec<(String, u64)>,
+}
+
+impl SceneIdentity {
+    /// Path of the first part that only one of them has, or has otherwise.
+    pub(super) fn difference<'a>(&'a self, other: &'a Self) -> Option<&'a str> {
+        let first = self.parts.iter().zip(&other.parts).find(|(a, b)| a != b).map(|(a, _)| a);
+        let beyond = || self.parts.get(other.parts.len()).or_else(|| other.parts.get(self.parts.len()));
+        first.or_else(beyond).map(|(path, _)| path.as_str())
+    }
 }
 
 /// Down to here a scene is told apart: `objects[0].material.young_modulus_pa`, and what is in it as a whole.

@@ -4,6 +4,8 @@
 //! follows from the state is left out and made anew as the file is read. Whoever wrote the file could also have driven
 //! the tools: that it has not come to harm and fits the scene is checked, that somebody has simulated it is not.
 
+use super::World;
+use super::description::SceneIdentity;
 use super::snapshot::Snapshot;
 use super::state::State;
 use crate::step_io::StepOutput;
@@ -76,24 +78,6 @@ struct Header {
     scene: SceneIdentity,
     step: u64,
     state_hash: u64,
-}
-
-/// By what a scene is known: its name, its steps, and hashes over all that it states.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct SceneIdentity {
-    pub(super) name: String,
-    pub(super) rate_hz: f64,
-    /// By their paths, in the order of the scene.
-    pub(super) parts: Vec<(String, u64)>,
-}
-
-impl SceneIdentity {
-    /// Path of the first part that only one of them has, or has otherwise.
-    fn difference<'a>(&'a self, other: &'a Self) -> Option<&'a str> {
-        let first = self.parts.iter().zip(&other.parts).find(|(a, b)| a != b).map(|(a, _)| a);
-        let beyond = || self.parts.get(other.parts.len()).or_else(|| other.parts.get(self.parts.len()));
-        first.or_else(beyond).map(|(path, _)| path.as_str())
-    }
 }
 
 impl Header {
@@ -176,6 +160,24 @@ impl Snapshot {
             return Err(LoadError::Broken("its state is not the one that the header tells of".into()));
         }
         Ok((loaded, besides))
+    }
+}
+
+impl World {
+    /// The state as a file: [`Snapshot::save`] of a snapshot of now.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        self.snapshot().save()
+    }
+
+    /// Goes on from the state in a file that [`World::save`] made of this scene, in this or another process.
+    ///
+    /// # Errors
+    /// As [`Snapshot::load`] says; the world is then as it was.
+    pub fn load(&mut self, file: &[u8]) -> Result<(), LoadError> {
+        let snapshot = self.snapshot().load(file)?;
+        self.restore(&snapshot);
+        Ok(())
     }
 }
 

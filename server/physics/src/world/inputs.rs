@@ -1,7 +1,7 @@
 //! What comes from outside between two steps: states that were set and poses of tools.
 
+use super::own_view::OwnView;
 use super::scratch::Scratch;
-use super::show::OwnView;
 use super::state::State;
 use crate::ledger::ContactLedger;
 use crate::step_io::{FractureStep, StepInputs, StepOutput, ToolMotion};

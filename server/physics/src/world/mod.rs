@@ -13,6 +13,7 @@ mod inputs;
 mod interior;
 mod models;
 mod motion;
+mod own_view;
 mod part_groups;
 mod parting;
 mod pulled;

@@ -1,7 +1,7 @@
 //! What a world works with and derives from its state, made anew whenever it is gone.
 
 use super::contact_model::ToolModel;
-use super::show::OwnView;
+use super::own_view::OwnView;
 use crate::ledger::ContactLedger;
 use crate::work::WorkMeter;
 

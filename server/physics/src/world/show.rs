@@ -2,6 +2,7 @@
 
 use super::World;
 use super::body_slot::BodySlot;
+use super::own_view::OwnView;
 use super::scratch::Scratch;
 use super::state::State;
 use super::tool::Tool;
@@ -11,25 +12,6 @@ use crate::stage::{Lap, Stage, StageClock};
 use crate::surface::Surface;
 use crate::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
 use crate::view::{Frame, Structure, StructureChange, Touch, View};
-
-/// A view that the world keeps itself: from when somebody asks for a keyframe until the surface is forgotten.
-pub(super) struct OwnView {
-    view: View,
-    frame: Frame,
-    /// What the last step changed in the structure.
-    patch: Option<TopologyPatch>,
-    /// The surfaces are adapted to where the tools are now.
-    is_adapted: bool,
-}
-
-impl OwnView {
-    /// Forgets what the last step changed, and where the surface was adapted to it.
-    pub(super) fn begin_step(&mut self) {
-        self.patch = None;
-        self.is_adapted = false;
-        self.view.clear_adaptation();
-    }
-}
 
 /// The blades that touch a body.
 fn touches<'a>(slot: &'a BodySlot, tools: &'a [Tool]) -> impl Iterator<Item = Touch<'a>> {

@@ -2,7 +2,7 @@
 
 use super::World;
 use super::contact_model::ToolModel;
-use super::file::{LoadError, SceneIdentity};
+use super::description::SceneIdentity;
 use super::state::State;
 use crate::body::Body;
 use crate::step_io::StepOutput;
@@ -70,21 +70,5 @@ impl World {
         self.scratch.models.iter_mut().for_each(|model| *model = ToolModel::default());
         self.output.clone_from(&snapshot.output);
         self.forget_surface();
-    }
-
-    /// The state as a file: [`Snapshot::save`] of a snapshot of now.
-    #[must_use]
-    pub fn save(&self) -> Vec<u8> {
-        self.snapshot().save()
-    }
-
-    /// Goes on from the state in a file that [`World::save`] made of this scene, in this or another process.
-    ///
-    /// # Errors
-    /// As [`Snapshot::load`] says; the world is then as it was.
-    pub fn load(&mut self, file: &[u8]) -> Result<(), LoadError> {
-        let snapshot = self.snapshot().load(file)?;
-        self.restore(&snapshot);
-        Ok(())
     }
 }
