@@ -124,7 +124,8 @@ test("the mouse cuts a bar in two, and who comes late sees it cut", async () => 
   await page.mouse.up();
   await readingWhere(page, "Pieces", (pieces) => pieces === 2);
   expect(peakN).toBeGreaterThan(0);
-  expect(await forceRows(page)).toBeGreaterThan(15);
+  // The newest fifth of the curve is beside what is looked at, and the axis may end at two and a half times the peak.
+  expect(await forceRows(page)).toBeGreaterThan(10);
   // The bar's section is 20 mm x 20 mm.
   const areaCm2 = await reading(page, "Cut area");
   expect(areaCm2).toBeGreaterThan(2.5);
@@ -135,10 +136,10 @@ test("the mouse cuts a bar in two, and who comes late sees it cut", async () => 
   const file = await readFile(await (await saving).path());
   expect(edgesThatAreOpen(file)).toEqual([0, 0]);
   const { meshes, materials } = gltf(file);
-  expect(materials.map(({ name }) => name).sort()).toEqual(["bar", "bar cut", "seam"]);
+  expect(materials.map(({ name }) => name).sort()).toEqual(["bar", "seam"]);
   // Both have walls, and a line around them.
   expect(meshes.map(({ primitives }) => primitives.map(({ mode, material }) => [mode ?? 4, materials[material].name])).sort()).toEqual(
-    [[[1, "seam"]], [[1, "seam"]], [[4, "bar"], [4, "bar cut"]], [[4, "bar"], [4, "bar cut"]]],
+    [[[1, "seam"]], [[1, "seam"]], [[4, "bar"]], [[4, "bar"]]],
   );
   const late = await open(browser, link);
   await live(late.page);
