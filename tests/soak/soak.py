@@ -18,7 +18,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -33,10 +33,10 @@ RATE_HZ = 20.0
 # Of the time: the server is killed in it.
 KILLS = 0.25
 SAMPLE_S = 2.0
-# Longer than any session takes to come back, on a machine that is busy with others.
-BACK_S = 60.0
 # What each may grow by between the first and the last quarter of the server's last life, over what it was.
 MOST_GROWTH = 0.05
+# So many samples of a number of sessions make a median.
+FEWEST = 3
 # Idle connections and caches come and go: so many descriptors and threads may be left when all clients have gone.
 MOST_LEFT = 4
 
@@ -197,23 +197,27 @@ class Soak:
         began = time.monotonic()
         lost = [session for session in before if session in there]
         with kerf.Client(self.server.address) as client:
-            # Each is back as soon as it is restored.
-            while lost and time.monotonic() < began + BACK_S:
+            # Each is back as soon as it is restored; none is lost as long as some are still to come.
+            are_expected = True
+            while lost and are_expected:
+                time.sleep(0.05)
+                are_expected = client.expected_sessions() > 0
                 back = set(client.sessions())
                 with self.lock:
                     lost = [session for session in lost if session not in back and session in self.alive]
-                time.sleep(0.05)
         if lost:
             self.wrong.append(f"a kill lost {lost}")
         self.slowest_back_s = max(self.slowest_back_s, time.monotonic() - began)
         self.note("killed")
 
 
-def quarter(samples: list[dict[str, float]], which: int, what: str) -> float:
-    """Median over a quarter of the samples."""
+def quarter(samples: list[dict[str, float]], which: int, what: str) -> dict[float, float]:
+    """Medians over a quarter of the samples, by how many sessions there were: each takes its part."""
     size = len(samples) // 4
-    part = samples[which * size : (which + 1) * size]
-    return float(np.median([sample[what] for sample in part]))
+    by_sessions: dict[float, list[float]] = defaultdict(list)
+    for sample in samples[which * size : (which + 1) * size]:
+        by_sessions[sample["sessions"]].append(sample[what])
+    return {sessions: float(np.median(of)) for sessions, of in by_sessions.items() if len(of) >= FEWEST}
 
 
 def main() -> int:
@@ -271,9 +275,15 @@ def main() -> int:
     wrong = soak.wrong
     for what in ("memory_kib", "descriptors", "threads"):
         first, last = quarter(samples, 0, what), quarter(samples, 3, what)
-        print(f"{what}: {first:.0f} in the first quarter, {last:.0f} in the last, {left[what]} without clients")
-        if last > first * (1.0 + MOST_GROWTH) + MOST_LEFT:
-            wrong.append(f"{what} grows from {first:.0f} to {last:.0f}")
+        both = sorted(first.keys() & last.keys())
+        if not both:
+            wrong.append(f"{what}: the first and the last quarter never had as many sessions; run it for longer")
+            continue
+        was, became = (float(np.mean([of[sessions] for sessions in both])) for of in (first, last))
+        words = f"{was:.0f} in the first quarter, {became:.0f} in the last with as many sessions"
+        print(f"{what}: {words}, {left[what]} without clients")
+        if became > was * (1.0 + MOST_GROWTH) + MOST_LEFT:
+            wrong.append(f"{what} grows from {was:.0f} to {became:.0f}")
     if left_sessions or left_journals:
         wrong.append(f"{left_sessions} sessions and the journals {left_journals} are left of nobody")
     for words in wrong:

@@ -72,6 +72,10 @@ class Client:
         """What the sessions of the server are doing, by their ids."""
         return {session.session_id: SessionState(session.state) for session in self._listed().sessions}
 
+    def expected_sessions(self) -> int:
+        """How many sessions of the server before are not back yet: calls to them raise `UnavailableError`."""
+        return self._listed().server.expected_sessions
+
     def server_version(self) -> str:
         """The version of the server's program."""
         return self._listed().server.version
