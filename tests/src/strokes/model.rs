@@ -1,4 +1,4 @@
-//! What is cut: the built-in liver, or a mesh of the liver's size and material.
+//! What is cut: the first object of a built-in scene, or a mesh of the liver's size and material.
 
 use std::path::Path;
 
@@ -36,22 +36,23 @@ pub struct Model {
 pub const BLADES: [&str; 3] = ["straight", "sine", "arc"];
 
 impl Model {
-    /// `liver`, or the mesh of a file scaled to the liver's length, with `resolution` voxels along its
-    /// longest edge. Pieces that are cut off stay where they are: gravity and the liver's loads are
-    /// taken away.
+    /// The first object of a built-in scene, or the mesh of a file scaled to the liver's length and of its material, with
+    /// `resolution` voxels along its longest edge. Pieces that are cut off stay where they are: gravity and loads are taken
+    /// away.
     ///
     /// # Errors
     /// The file cannot be read, or its mesh is refused.
     pub fn new(name_or_path: &str, resolution: u32) -> Result<Self> {
-        let mut scene = catalog::builtin("liver")?.into_scene();
-        let mut name = name_or_path.to_owned();
+        let path = Path::new(name_or_path);
+        let mesh = if path.extension().is_some() { Some(read_mesh(path)?) } else { None };
+        let mut scene = catalog::builtin(if mesh.is_some() { "liver" } else { name_or_path })?.into_scene();
+        scene.desc.objects.truncate(1);
         let object = &mut scene.desc.objects[0];
         (object.voxel_size_m, object.resolution) = (None, Some(resolution));
         object.loads.clear();
-        if name_or_path != "liver" {
-            let path = Path::new(name_or_path);
+        let mut name = name_or_path.to_owned();
+        if let Some(mesh) = mesh {
             name = path.file_stem().context("a mesh has a name")?.to_string_lossy().into_owned();
-            let mesh = read_mesh(path)?;
             let [min, max] = corners(&mesh);
             let scale_m_per_unit = LONGEST_M / (max - min).max();
             object.name.clone_from(&name);

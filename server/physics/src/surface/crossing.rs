@@ -9,6 +9,8 @@ use crate::math::Aabb;
 
 /// How far inside of an edge and of a triangle they meet, as a share of either: what only touches passes through nothing.
 const INSIDE: f64 = 1e-3;
+/// Cosine of 100 degrees.
+const FOLD_COSINE: f64 = -0.17;
 /// Sine of the angle below which an edge runs along a triangle.
 const ALONG: f64 = 1e-6;
 
@@ -34,8 +36,8 @@ impl Surface {
 }
 
 impl Surface {
-    /// Edges of the skin along which it folds back on itself: the normals of its two triangles there are more than 90
-    /// degrees apart. Walls of cuts are no skin.
+    /// Edges of the skin along which it folds back on itself: the normals of its two triangles there are more than 100
+    /// degrees apart, which a model's right angles are not. Walls of cuts are no skin.
     #[must_use]
     pub fn folded_edges(&self, grid: &Grid) -> Vec<[VertexId; 2]> {
         let is_skin = |id: QuadId| !matches!(grid.link(self.link_of(id)), Link::Parted(_));
@@ -49,15 +51,15 @@ impl Surface {
                 normals.entry([from.min(to), from.max(to)]).or_default().push(normal);
             }
         }
-        let is_folded = |normals: &[Vec3]| matches!(normals, [a, b] if a.dot(b) < 0.0);
+        let is_folded = |normals: &[Vec3]| matches!(normals, [a, b] if a.dot(b) < FOLD_COSINE * a.norm() * b.norm());
         normals.into_iter().filter(|(_, normals)| is_folded(normals)).map(|(edge, _)| edge).collect()
     }
 }
 
 /// A triangle in its place.
 pub(super) struct Placed {
-    corners_m: [Vec3; 3],
-    bounds: Aabb,
+    pub(super) corners_m: [Vec3; 3],
+    pub(super) bounds: Aabb,
 }
 
 impl Placed {

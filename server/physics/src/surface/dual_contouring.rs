@@ -16,7 +16,8 @@ pub(super) struct DualCell {
     pub(super) vertices: [Option<Contoured>; 8],
 }
 
-/// A vertex in its dual cell, and where outside of it the rim of a cut would be.
+/// A vertex in its dual cell; at the rim of a cut it is where it was before the cut, and `wanted_m` is where the blade met the
+/// skin.
 pub(super) struct Contoured {
     pub(super) vertex: SurfaceVertex,
     pub(super) wanted_m: Option<[f32; 3]>,
@@ -90,8 +91,8 @@ pub(super) fn contour(grid: &Grid, dual_cell: Ijk) -> DualCell {
 /// place, by all of its crossings, however many cuts have come through it: their sides leave nothing out
 /// between them and enclose what they did. At the front of a cut (a parted link both of whose ends are in one
 /// component) that place is as far from the crossings as it will be when the front has moved on, so that the
-/// vertex stays where it is when it becomes two. At the rim a cut moves the vertex along the skin, from where it was
-/// before the cut, so that the enclosed volume hardly changes.
+/// vertex stays where it is when it becomes two. At the rim a cut wants the vertex along the skin from where it was before
+/// the cut, so that the enclosed volume hardly changes.
 fn vertex(
     grid: &Grid,
     dual_cell: Ijk,
@@ -128,8 +129,8 @@ fn vertex(
             true => (on_skin, None),
             false => {
                 let both = cut.and(&skin.through(&on_skin), SKIN_WEIGHT);
-                let [local, wanted] = [CELL, AROUND_CELL].map(|room| both.minimise(&on_skin, room));
-                (local, (local != wanted).then_some(wanted))
+                let wanted = both.minimise(&on_skin, AROUND_CELL);
+                (on_skin, (wanted != on_skin).then_some(wanted))
             }
         }
     };

@@ -5,7 +5,7 @@
 //! lowest corner. The inside corners, joined by the intact ones of its twelve links, fall into
 //! components; each component with a crossing has a vertex. Around a link lie four dual cells, and
 //! the quad of one of its ends joins, in each of them, the vertex of the component that end is in.
-//! Vertices of a cut's rim may leave their dual cells (`rims`).
+//! Vertices of a cut's rim and beside it may leave their dual cells (`rims`).
 //!
 //! Invariants:
 //! - Ids are a pure function of the lattice, so that a stream does not depend on when a viewer
@@ -39,7 +39,7 @@ use crate::Vec3;
 use crate::grid::{Grid, Link, LinkId, VoxelId};
 use dual_contouring::{Components, Contoured};
 use lattice::Lattice;
-use rims::Rim;
+use rims::Mover;
 
 /// Id of a surface vertex: `dual cell index * 8 + component`. Cells of the box `-1..dims + 1` are
 /// numbered x fastest, a dual cell has the number of its lowest corner, and a component that of its
@@ -73,6 +73,9 @@ pub(crate) struct SurfaceChange {
     pub upserted_quads: Vec<QuadId>,
 }
 
+/// The vertices that were touched, as they were before; `None` where there was none.
+type Before = BTreeMap<VertexId, Option<SurfaceVertex>>;
+
 /// The surface of one object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
@@ -81,8 +84,8 @@ pub struct Surface {
     components: Vec<Option<Components>>,
     vertices: BTreeMap<VertexId, SurfaceVertex>,
     quads: BTreeMap<QuadId, Quad>,
-    /// Those of the vertices that would be on the blade outside of their dual cells.
-    rims: BTreeMap<VertexId, Rim>,
+    /// Those of the vertices that leave their dual cells.
+    movers: BTreeMap<VertexId, Mover>,
 }
 
 impl Surface {
@@ -95,7 +98,7 @@ impl Surface {
             components: vec![None; lattice.cell_count()],
             vertices: BTreeMap::new(),
             quads: BTreeMap::new(),
-            rims: BTreeMap::new(),
+            movers: BTreeMap::new(),
         };
         surface.rebuild_touched(grid, &crossed_links(grid), &[]);
         surface
@@ -113,13 +116,13 @@ impl Surface {
     /// of the voxels `rebound` was replaced. Costs in proportion to these lists, whose order and
     /// repetitions do not matter.
     pub(crate) fn rebuild_touched(&mut self, grid: &Grid, parted: &[LinkId], rebound: &[VoxelId]) -> SurfaceChange {
-        let mut change = SurfaceChange::default();
+        let (mut change, mut before) = (SurfaceChange::default(), Before::new());
         let mut links: Vec<u32> = parted.iter().map(|link| self.lattice.link_index(*link)).collect();
         let mut dual_cells: Vec<u32> =
             parted.iter().flat_map(|link| self.lattice.around(*link).map(|(dual_cell, _)| dual_cell)).collect();
         sort_dedup(&mut dual_cells);
         for dual_cell in dual_cells {
-            if self.contour(grid, dual_cell, &mut change) {
+            if self.contour(grid, dual_cell, &mut before) {
                 links.extend(self.lattice.links_of(dual_cell));
             }
         }
@@ -127,7 +130,10 @@ impl Surface {
         for link in &links {
             self.join(grid, self.lattice.link(*link), &mut change);
         }
-        self.settle_rims(&links, &mut change);
+        self.settle_rims(grid, &links, &mut before);
+        let has_changed =
+            |(id, before): (VertexId, Option<SurfaceVertex>)| (self.vertex(id).copied() != before).then_some(id);
+        change.upserted_vertices.extend(before.into_iter().filter_map(has_changed));
         self.report_rebound(grid, rebound, &mut change);
         sort_dedup(&mut change.upserted_vertices);
         change
@@ -135,32 +141,32 @@ impl Surface {
 
     /// Computes a dual cell's vertices anew. Returns whether quads that stood around it before may join other vertices
     /// now, or be split otherwise, or have other rims.
-    fn contour(&mut self, grid: &Grid, dual_cell: u32, change: &mut SurfaceChange) -> bool {
+    fn contour(&mut self, grid: &Grid, dual_cell: u32, before: &mut Before) -> bool {
         let contoured = dual_contouring::contour(grid, self.lattice.cell(dual_cell));
         let mut has_changed = false;
         for (component, vertex) in contoured.vertices.into_iter().enumerate() {
             let Some(Contoured { mut vertex, wanted_m }) = vertex else { continue };
             let id = dual_cell * 8 + component as u32;
-            let rim = wanted_m.map(|wanted_m| Rim { in_cell_m: vertex.position_m, wanted_m });
-            let rim_before = match rim {
-                Some(rim) => self.rims.insert(id, rim),
-                None => self.rims.remove(&id),
+            let vertex_before = self.vertices.get(&id).copied();
+            before.entry(id).or_insert(vertex_before);
+            let contoured_before = vertex_before.map(|_| self.contoured_m(id));
+            let mover_before = self.movers.remove(&id);
+            let is_as_before = |mover: &Mover| (mover.from_m, mover.wanted_m) == (vertex.position_m, wanted_m);
+            let mover = match mover_before {
+                Some(mover) if is_as_before(&mover) => Some(mover),
+                _ => wanted_m.map(|_| Mover::new(vertex.position_m, wanted_m)),
             };
-            let before = self.vertices.get(&id).copied();
-            if rim.is_some()
-                && let Some(before) = before
-            {
-                // Until it is settled anew.
-                vertex.position_m = before.position_m;
+            let wanted_before_m = mover_before.and_then(|mover| mover.wanted_m);
+            has_changed |= wanted_m != wanted_before_m
+                || contoured_before.is_some_and(|before| before != Vec3::from(vertex.position_m.map(f64::from)));
+            if let Some(mover) = mover {
+                vertex.position_m = mover.position_m();
+                self.movers.insert(id, mover);
             }
             self.vertices.insert(id, vertex);
-            if before != Some(vertex) {
-                change.upserted_vertices.push(id);
-            }
-            has_changed |= rim != rim_before || before.is_some_and(|before| before.position_m != vertex.position_m);
         }
-        let before = self.components[dual_cell as usize].replace(contoured.components);
-        has_changed || before.is_some_and(|before| before != contoured.components)
+        let components_before = self.components[dual_cell as usize].replace(contoured.components);
+        has_changed || components_before.is_some_and(|before| before != contoured.components)
     }
 
     /// Reports the vertices that move with one of these voxels.
@@ -200,7 +206,7 @@ impl Surface {
         });
         // From its lower end as the two sides of a cut are split alike.
         let lower_m = grid.centre_m(link.cell);
-        let from_lower = |id| (self.in_cell_m(id) - lower_m) / grid.voxel_size_m();
+        let from_lower = |id| (self.contoured_m(id) - lower_m) / grid.voxel_size_m();
         if is_split_otherwise(quad.map(from_lower), link.axis) {
             quad.rotate_left(1);
         }

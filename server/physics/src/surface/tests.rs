@@ -65,13 +65,14 @@ fn assert_near(what: &str, value: f64, expected: f64, relative: f64) {
     assert!((value / expected - 1.0).abs() < relative, "{what}: {value}, expected {expected}");
 }
 
-/// Asserts that vertices are in their dual cells, those of rims less than a cell away.
+/// Asserts that vertices are in their dual cells, those of rims and beside them less than a cell away.
 fn assert_near_dual_cells(grid: &Grid, surface: &Surface) {
     for (id, vertex) in surface.vertices() {
         let cell_links = surface.lattice.links_of(id / 8);
         let has = |kind: fn(&Link) -> bool| cell_links.iter().any(|link| kind(&grid.link(surface.lattice.link(*link))));
         let at_rim = has(|link| matches!(link, Link::Boundary(_))) && has(|link| matches!(link, Link::Parted(_)));
-        let half_diagonal_m = grid.voxel_size_m() * 0.75f64.sqrt() * if at_rim { 2.5 } else { 1.0 };
+        let half_diagonal_m =
+            grid.voxel_size_m() * 0.75f64.sqrt() * if at_rim || surface.movers.contains_key(&id) { 2.5 } else { 1.0 };
         let centre_m = grid.centre_m(surface.lattice.cell(id / 8)) + Vec3::repeat(grid.voxel_size_m() / 2.0);
         let distance_m = (Vec3::from(vertex.position_m.map(f64::from)) - centre_m).norm();
         assert!(distance_m <= half_diagonal_m * (1.0 + 1e-5), "{id}: {} h", distance_m / grid.voxel_size_m());
@@ -183,7 +184,7 @@ fn the_rim_of_a_cut_is_on_the_skin_and_but_for_teeth_on_the_blade() {
         }
     }
     for (what, mut off, limits) in
-        [("the plane", off_cut, [0.04, 0.12, 0.42]), ("the sphere", off_skin, [0.05, 0.07, 0.12])]
+        [("the plane", off_cut, [0.03, 0.1, 0.2]), ("the sphere", off_skin, [0.05, 0.07, 0.12])]
     {
         off.sort_by(f64::total_cmp);
         let off_h = [0.5, 0.9, 0.99].map(|share| off[((off.len() - 1) as f64 * share) as usize]);
@@ -209,9 +210,7 @@ fn cuts_in_any_direction_make_no_triangles_pass_through_each_other() {
         }
     }
     println!("{crossing} pairs of {all} triangles cross, {folded} edges of the skin fold");
-    assert!(crossing == 0 && all > 300_000, "{crossing} of {all}");
-    // A sphere of nine voxels: 14 a cut, where the rim is wanted beyond a vertex of the skin.
-    assert!(folded <= 1700, "{folded} edges of the skin fold");
+    assert!(crossing == 0 && folded == 0 && all > 300_000, "{crossing} of {all}");
 }
 
 #[test]
@@ -229,7 +228,7 @@ fn cuts_that_cross_each_other_make_hardly_any_triangles_pass_through_each_other(
     }
     println!("{crossing} pairs of {all} triangles cross, {folded} edges of the skin fold");
     assert!(crossing <= 4 && all > 150_000, "{crossing} of {all}");
-    assert!(folded <= 2050, "{folded} edges of the skin fold");
+    assert!(folded <= 2, "{folded} edges of the skin fold");
 }
 
 #[test]
@@ -458,7 +457,7 @@ proptest! {
             let components = surface.components[(id / 8) as usize].unwrap();
             let distance = |corner: usize| {
                 let cell = lattice::corner_cell(surface.lattice.cell(id / 8), corner);
-                ((grid.centre_m(cell) - surface.in_cell_m(id)).norm(), grid.voxel_at(cell))
+                ((grid.centre_m(cell) - surface.contoured_m(id)).norm(), grid.voxel_at(cell))
             };
             let own = (0..8).filter(|corner| components.of(*corner) == id % 8).map(distance);
             let nearest = own.clone().map(|(d, _)| d).fold(f64::INFINITY, f64::min);
