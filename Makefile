@@ -61,6 +61,8 @@ MDBOOK := $(or $(shell command -v mdbook),target/mdbook/bin/mdbook)
 KATEX := client/web/node_modules/katex/dist
 docs: $(MDBOOK) $(if $(NPM),client/web/node_modules)
 	@$(MDBOOK) build docs
+	@# A folder's README is its index in the book, but links to it keep its name.
+	@find docs/book -name '*.html' -exec sed -i 's|href="\([^":]*\)README\.html|href="\1index.html|g' {} +
 	@printf '# Made by `make docs`; the folder itself is here so that the server builds without it.\n*\n!.gitignore\n' > docs/book/.gitignore
 	@rm -rf docs/book/book.toml docs/book/lint docs/book/print.html docs/book/reference/generate.py; \
 	find docs/book/explanation docs/book/reference -name '*.svg' -delete
@@ -73,10 +75,10 @@ target/mdbook/bin/mdbook:
 	@cargo install --quiet --locked --root target/mdbook --version $(MDBOOK_VERSION) --no-default-features --features search mdbook || \
 		{ echo "The book is not built: it needs mdBook $(MDBOOK_VERSION) (cargo install mdbook), which could not be installed."; exit 1; }
 
-# Which modules import which, as Mermaid drawings.
+# Which modules import which, as Mermaid drawings on the terminal; that of the crates is written into CONTRIBUTING.md.
 IMPORTS ?= $(wildcard server/*/src client/*/src proto/src tests/src)
 imports:
-	@python3 docs/lint/imports.py $(IMPORTS)
+	@python3 docs/lint/imports.py --crates CONTRIBUTING.md $(IMPORTS)
 
 # Writes docs/reference/settings.md and scene-fields.md from what the program says.
 reference:
@@ -185,8 +187,8 @@ lint: $(if $(NPM),client/web/node_modules)
 	@client/python/check.sh "lint of manifests" python ../../deploy/kubernetes/lint.py
 	@client/python/check.sh "lint of images" hadolint ../../docker/Dockerfile
 	@if command -v python3 >/dev/null; then \
-		python3 docs/lint/imports.py --circles $(IMPORTS) && git ls-files '*.md' | grep -v LICENSE | xargs python3 docs/lint/prose.py; \
-	else echo "The linters of imports and of the documents' prose are left out: they need Python 3."; fi
+		python3 docs/lint/imports.py --check --crates CONTRIBUTING.md $(IMPORTS) && git ls-files '*.md' | grep -v LICENSE | xargs python3 docs/lint/prose.py; \
+	else echo "The linters of imports and of the documents' prose are left out: they need Python 3.11."; fi
 
 # Takes the .proto files as they are for the version that later ones have to stay compatible with.
 publish-protocol: client/web/node_modules

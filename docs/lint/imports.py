@@ -1,13 +1,17 @@
-"""Which modules of a crate or client import which: imports.py [--circles] FOLDER...
+"""Which modules of a crate or client import which: imports.py [--check] [--crates PAGE] FOLDER...
 
-Prints a drawing (Mermaid) of each folder's modules, a file or a folder of files each. With --circles it prints the groups
-of modules of one folder, at any depth, that import each other, and ends with 1 if there are any. What a module hands on
-(`pub use`) counts as the module's that has it. A folder's own file, as mod.rs, and the files below it may import each other.
+Prints a drawing (Mermaid) of each folder's modules, a file or a folder of files each, and writes one of the crates of the
+workspace between two lines of PAGE. With --check it writes nothing: it prints the groups of modules of one folder, at any
+depth, that import each other, and whether PAGE has another drawing, and ends with 1 if there is any of it. What a module
+hands on (`pub use`) counts as the module's that has it. A folder's own file, as mod.rs, and the files below it may import
+each other.
 """
 
+import argparse
 import ast
 import re
 import sys
+import tomllib
 from collections import defaultdict
 from pathlib import Path
 
@@ -98,28 +102,77 @@ def graphs(folder):
     return dict(sorted(edges.items()))
 
 
+def reach(start, edges):
+    """What is reached from there."""
+    seen, left = set(), [start]
+    while left:
+        for to in edges[left.pop()] - seen:
+            seen.add(to)
+            left.append(to)
+    return seen
+
+
 def circles(edges):
     """Groups of modules of which each reaches each."""
-
-    def reach(start):
-        seen, left = set(), [start]
-        while left:
-            for to in edges[left.pop()] - seen:
-                seen.add(to)
-                left.append(to)
-        return seen
-
-    reached = {name: reach(name) for name in edges}
+    reached = {name: reach(name, edges) for name in edges}
     groups = {frozenset(b for b in reached[a] if a in reached[b]) for a in edges if a in reached[a]}
     return sorted(sorted(group) for group in groups)
 
 
+def crates(root, *kinds):
+    """Crates of the workspace: those that each depends on, by these tables of its manifest."""
+    members = tomllib.loads((root / "Cargo.toml").read_text(encoding="utf-8"))["workspace"]["members"]
+    manifests = [tomllib.loads((root / one / "Cargo.toml").read_text(encoding="utf-8")) for one in members]
+    of_names = {one["package"]["name"]: [one, *one.get("target", {}).values()] for one in manifests}
+    return {
+        name: {to for table in tables for kind in kinds for to in table.get(kind, {}) if to in of_names}
+        for name, tables in of_names.items()
+    }
+
+
+def crates_drawing(root):
+    """The drawing of the crates, without arrows that follow from others."""
+    needed = crates(root, "dependencies", "build-dependencies")
+    tests_needed = crates(root, "dev-dependencies")
+    through = {name: reach(name, needed) for name in needed}
+    lines = []
+    for name, tos in needed.items():
+        for arrow, direct in (("-->", tos), ("-.->", tests_needed[name] - tos)):
+            follow = {to for to in direct for other in tos | direct if to in through[other]}
+            lines += [f"  {name} {arrow} {to}" for to in sorted(direct - follow)]
+    return "\n".join(["```mermaid", "flowchart LR", *lines, "```"]).replace("kerf-", "")
+
+
+# The drawing stands between these lines.
+BEGIN, END = "<!-- crates: written by `make imports` -->\n", "\n<!-- end of crates -->"
+
+
+def with_drawing(text, drawing):
+    before, _, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not end:
+        sys.exit(f"no lines {BEGIN.strip()} and {END.strip()}")
+    return before + BEGIN + drawing + END + after
+
+
 def main():
-    only_circles = "--circles" in sys.argv
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true")
+    parser.add_argument("--crates", metavar="PAGE", type=Path)
+    parser.add_argument("folders", metavar="FOLDER", nargs="*", type=Path)
+    options = parser.parse_args()
     found = False
-    for folder in (Path(one) for one in sys.argv[1:] if one != "--circles"):
+    if options.crates:
+        text = options.crates.read_text(encoding="utf-8")
+        new = with_drawing(text, crates_drawing(Path(__file__).parents[2]))
+        if not options.check:
+            options.crates.write_text(new, encoding="utf-8")
+        elif new != text:
+            found = True
+            print(f"{options.crates}: its drawing of crates is not that of the manifests; run `make imports`")
+    for folder in options.folders:
         of_folders = graphs(folder)
-        if only_circles:
+        if options.check:
             for where, edges in of_folders.items():
                 for group in circles(edges):
                     found = True

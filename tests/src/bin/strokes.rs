@@ -1,4 +1,4 @@
-//! Cuts models by thousands of random strokes, writes what came of it as a table, and from it the page.
+//! Cuts models by thousands of random strokes, writes what came of it as tables, and from these the page and its figure.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 use clap::Parser;
 use kerf_system_tests::rows::{read, read_commit, write as write_rows, write_commit};
+use kerf_system_tests::strokes::bodies::{BodyRow, figure};
 use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};
 use kerf_system_tests::strokes::model::Model;
 use kerf_system_tests::strokes::report::{Asked, Row, page};
@@ -19,7 +20,7 @@ const REPORT_EVERY: Duration = Duration::from_secs(60);
 struct Options {
     /// Folder of the project's documents.
     docs: PathBuf,
-    /// `liver`, or the paths of meshes; one that is absent is passed over with a word.
+    /// Names of built-in scenes, or paths of meshes; one that is absent is passed over with a word.
     #[arg(default_value = "liver")]
     models: Vec<String>,
     /// Strokes through each model, at least: a body that was begun is cut to its end.
@@ -37,7 +38,7 @@ struct Options {
     /// Folder of the bodies' figures; those that stand there are not taken again.
     #[arg(long)]
     bodies: PathBuf,
-    /// Writes the page from the table as it is, without a run.
+    /// Writes the page and its figure from the tables as they are, without a run.
     #[arg(long)]
     page_only: bool,
 }
@@ -51,11 +52,14 @@ impl Options {
         self.docs.join("explanation/strokes.md")
     }
 
-    /// The page, from the table.
+    /// The page and its figure, from the tables.
     fn write_page(&self) -> Result<()> {
-        let rows: Vec<Row> = read(&self.folder().join("strokes.csv"))?;
+        let folder = self.folder();
+        let rows: Vec<Row> = read(&folder.join("strokes.csv"))?;
+        let bodies: Vec<BodyRow> = read(&folder.join("bodies.csv"))?;
+        figure(&bodies).draw(&folder)?;
         let path = self.page();
-        replace(&path, &page(&rows, &read_commit(&self.folder())?)).with_context(|| path.display().to_string())
+        replace(&path, &page(&rows, &read_commit(&folder)?)).with_context(|| path.display().to_string())
     }
 }
 
@@ -85,6 +89,18 @@ impl<'a> Bodies<'a> {
 
     fn sum(&self, strokes: u32) -> Tally {
         Tally::sum(self.tallies.iter().flatten().cloned(), strokes)
+    }
+
+    /// Rows of the bodies of which [`Self::sum`] is made; `seed` is the run's.
+    fn rows(&self, seed: u64, strokes: u32) -> impl Iterator<Item = BodyRow> {
+        let cut = seeds(seed).zip(&self.tallies).filter_map(|(seed, tally)| Some((seed, tally.as_ref()?)));
+        let mut made = 0;
+        let summed = cut.take_while(move |(_, tally)| {
+            let is_asked_for = made < strokes;
+            made += tally.strokes;
+            is_asked_for
+        });
+        summed.map(|(seed, tally)| BodyRow::new(&self.model.name, seed, tally))
     }
 }
 
@@ -135,15 +151,18 @@ impl<'a> Run<'a> {
         Some((index, bodies.tallies.len() - 1, seed, bodies.model))
     }
 
-    /// Writes table and page and says how far the run is.
+    /// Writes tables and page and says how far the run is.
     fn write(&self, bodies: &[Bodies<'a>]) -> Result<()> {
         let Options { strokes, seed, per_body, resolution, .. } = *self.options;
         let asked = Asked { seed, strokes, per_body, resolution };
         let row =
             |of: &Bodies<'a>| Row::new(&of.model.name, asked, of.sum(strokes), of.sum(strokes / 10).resident_bytes);
         let models: Vec<_> = bodies.iter().map(row).collect();
-        write_rows(&self.options.folder().join("strokes.csv"), &models)?;
-        write_commit(&self.options.folder())?;
+        let folder = self.options.folder();
+        write_rows(&folder.join("strokes.csv"), &models)?;
+        let cut: Vec<_> = bodies.iter().flat_map(|of| of.rows(seed, strokes)).collect();
+        write_rows(&folder.join("bodies.csv"), &cut)?;
+        write_commit(&folder)?;
         self.options.write_page()?;
         let made = models.iter().map(|model| format!("{} {}", model.model, model.strokes)).collect::<Vec<_>>();
         let failures: u32 = models.iter().map(|model| model.failures).sum();
@@ -168,7 +187,7 @@ fn main() -> Result<()> {
     std::fs::create_dir_all(&options.bodies).with_context(|| options.bodies.display().to_string())?;
     let mut models = Vec::new();
     for name in &options.models {
-        if name != "liver" && !PathBuf::from(name).is_file() {
+        if Path::new(name).extension().is_some() && !Path::new(name).is_file() {
             println!("{name} is absent: passed over");
             continue;
         }

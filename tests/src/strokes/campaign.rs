@@ -22,9 +22,9 @@ const CUT_UP_FRACTION: f64 = 0.25;
 /// So is one that so many strokes in a row have parted nothing of.
 const IDLE_STROKES: u32 = 15;
 /// Enclosed volume may change by the cut area times this fraction of a voxel's edge.
-const VOLUME_FRACTION: f64 = 0.1;
+pub(super) const VOLUME_FRACTION: f64 = 0.1;
 /// Energy the ledger may leave unexplained, over the work of the tools.
-const MOST_RESIDUAL: f64 = 1e-2;
+pub(super) const MOST_RESIDUAL: f64 = 1e-2;
 /// Findings that are kept in words; all are counted.
 const MOST_FINDINGS: usize = 20;
 

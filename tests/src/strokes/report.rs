@@ -143,8 +143,8 @@ pub fn page(rows: &[Row], commit: &str) -> String {
         let _ = writeln!(
             text,
             "`make strokes` runs `strokes --strokes {asked_strokes} --per-body {per_body} --resolution {resolution} --seed \
-             {seed}` and writes this page and its [table](../reference/strokes/strokes.csv). The figures are those of \
-             commit {commit}.\n"
+             {seed}` and writes this page and its [tables](../reference/strokes/README.md). The figures are those of \
+             commit {commit}. `make strokes-page` writes the page from the tables.\n"
         );
     }
     if rows.iter().any(|row| row.strokes < row.asked_strokes) {
@@ -152,21 +152,16 @@ pub fn page(rows: &[Row], commit: &str) -> String {
     }
     text.push_str(STROKES);
     text.push_str(
-        "| model | voxels | strokes | that cut | links cut | area, m^2 | most pieces | rolled back | volume ratio: mean, worst | strokes beyond 0.1 | residual, worst | crossing pairs, most | folded edges, most |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+        "| model | strokes | that cut | volume ratio: mean, worst | strokes beyond 0.1 | residual, worst | crossing pairs, most | folded edges, most |\n\
+         |---|---|---|---|---|---|---|---|\n",
     );
     for row in rows {
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {} | {} | {} | {} | {} | {}, {} | {} | {} | {} | {} |",
+            "| {} | {} | {} | {}, {} | {} | {} | {} | {} |",
             row.model,
-            row.voxels,
             row.strokes,
             row.cutting_strokes,
-            row.parted_links,
-            row.cut_area_m2,
-            row.most_pieces,
-            row.rolled_back,
             row.volume_ratio_mean,
             row.volume_ratio_worst,
             row.volume_misses,
@@ -181,7 +176,10 @@ pub fn page(rows: &[Row], commit: &str) -> String {
          after a stroke. They have no limit: where neither diagonal of a quad stays between its link and its edges, \
          they may cross. Folded edges: edges of the skin whose triangles have normals more than 90 degrees apart, above \
          those of the uncut model, at most after a stroke. They have no limit either: where the rim of a cut is wanted beyond \
-         a vertex of the skin, the skin folds there by less than a voxel.\n\n## What fails\n\n",
+         a vertex of the skin, the skin folds there by less than a voxel.\n\n\
+         ![Volume ratio and residual of every body, in order of size](../reference/strokes/strokes-bodies.png)\n\n\
+         The largest volume ratio and the largest residual of every body, in order of size. A point above the dashed line \
+         misses its limit.\n\n## What fails\n\n",
     );
     let failing = rows.iter().filter(|row| row.failures + row.volume_misses > 0);
     let mut lines: Vec<String> = Vec::new();
