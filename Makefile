@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page fuzz lives worlds soak deny advisories deb sbom image-archives wheel release-files checksums release-notes
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint lint-rust lint-clients tools publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page fuzz lives worlds soak deny advisories deb sbom image-archives wheel release-files checksums release-notes
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -87,7 +87,8 @@ reference:
 
 test:
 	cargo test --workspace
-	@$(MAKE) --no-print-directory test-viewer test-python test-unity
+	@$(MAKE) --no-print-directory test-viewer
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target test-python test-unity
 
 # The viewer's own tests, and those in a real browser. What is missing for them is said.
 test-viewer:
@@ -131,13 +132,13 @@ test-all: same-bits
 	cargo test --workspace -- --include-ignored --skip blade_stiffness_sweep
 
 # Sessions that are killed, lose power and run out of disk, by seed, and are brought back by their journals: `make test`
-# tries 60 seeds. A failure names its seed; LIVES_SEED=<seed> LIVES=1 repeats it.
+# tries 40 seeds. A failure names its seed; LIVES_SEED=<seed> LIVES=1 repeats it.
 LIVES ?= 1000
 LIVES_SEED ?= 0
 lives:
 	LIVES=$(LIVES) LIVES_SEED=$(LIVES_SEED) cargo test --workspace --quiet journal::lives -- --nocapture
 
-# A server, its clients, network, clock and disk in virtual time, by seed: `make test` tries 12 seeds. A failure names its
+# A server, its clients, network, clock and disk in virtual time, by seed: `make test` tries 8 seeds. A failure names its
 # seed; WORLDS_SEED=<seed> WORLDS=1 repeats it.
 WORLDS ?= 1000
 WORLDS_SEED ?= 0
@@ -174,11 +175,26 @@ same-bits:
 		release=$$(run $$cpu --release) && test "$$dev" = "$$release" || { echo "$$cpu: $$release, not $$dev"; exit 1; }; \
 	done; echo "same bits: $$dev"
 
+# What the clients' tests need beside Rust: Debian's packages where this machine may have them, npm's and Python's. Each test
+# installs what it lacks itself; here all of it is fetched at once, so that it can be while Rust compiles.
+tools: $(if $(NPM),client/web/node_modules)
+	@if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
+		export DEBIAN_FRONTEND=noninteractive; \
+		apt-get update -qq && apt-get install -qqy chromium python3-venv && \
+		apt-get install -qqy --no-install-recommends mono-mcs mono-runtime openssl protobuf-compiler; \
+	fi
+	@client/python/check.sh tools true
+
+lint: lint-rust lint-clients
+
 # Documents of the examples too: so dependencies have the features with which clippy has just checked them.
-lint: $(if $(NPM),client/web/node_modules)
+lint-rust:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --lib --bins --examples
+
+# Clients, protocol, manifests, workflows and prose.
+lint-clients: $(if $(NPM),client/web/node_modules)
 	$(if $(NPM),cd client/web && npm run --silent lint)
 	$(if $(NPM),client/web/node_modules/.bin/buf lint proto)
 	$(if $(NPM),client/web/node_modules/.bin/buf breaking proto --against proto/published.binpb)
@@ -235,15 +251,15 @@ extremes:
 extremes-page:
 	cargo run --release -p kerf-system-tests --bin extremes -- docs --seed $(EXTREMES_SEED) --page-only
 
-# Random strokes through the liver and, where their paths are given, meshes; writes docs/reference/strokes and
-# docs/explanation/strokes.md. Ten thousand through each of four models take half an hour; it goes on where it was cut off:
+# Random strokes through built-in scenes and, where their paths are given, meshes; writes docs/reference/strokes and
+# docs/explanation/strokes.md. A thousand through each of nine models take a quarter of an hour; it goes on where it was cut off:
 # what was cut stands in STROKES_BODIES, to be removed when the physics changes.
-STROKES ?= 10000
+STROKES ?= 1000
 STROKES_SEED ?= 1
 STROKES_PER_BODY ?= 8
 STROKES_RESOLUTION ?= 20
 STROKES_BODIES ?= out/strokes
-STROKES_MODELS ?= liver
+STROKES_MODELS ?= liver gummy-bear jelly tofu rubber cuboid
 strokes:
 	cargo run --release -p kerf-system-tests --bin strokes -- docs $(STROKES_MODELS) \
 		--strokes $(STROKES) --seed $(STROKES_SEED) --per-body $(STROKES_PER_BODY) \

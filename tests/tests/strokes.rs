@@ -40,7 +40,7 @@ fn meshes_as_found_fill_their_volume() {
     for file in ["horse.ply", "bunny.obj", "armadillo.obj", "liver.obj"] {
         let Some(path) = shared::model(file).expect("a mesh where one is to be") else { continue };
         let Scene { desc, meshes } =
-            Model::new(&path.display().to_string(), 64).expect("a mesh that is taken").scene.into_scene();
+            Model::new(&path.display().to_string(), 48).expect("a mesh that is taken").scene.into_scene();
         let grid = voxelize(&desc.objects[0], &meshes).expect("an inside");
         let mesh = read_mesh(&path).expect("a mesh");
         let scale_m_per_unit = desc.objects[0].shape.mesh().expect("a mesh").scale_m_per_unit;

@@ -183,7 +183,7 @@ fn a_handed_shape_keeps_its_hand_in_every_orientation_of_the_file() {
     let swapped = Matrix3::new(0.0, 1.2, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0);
     let folder = tempfile::tempdir().unwrap();
     for edges_mm in [Matrix3::identity(), mirrored, swapped, oblique()] {
-        let map = Nifti::of([100, 100, 100], edges_mm, Vec3::new(10.0, 8.0, 3.0), arms);
+        let map = Nifti::of([84, 84, 84], edges_mm, Vec3::new(10.0, 8.0, 3.0), arms);
         let grid = load(folder.path(), &map.bytes(), &scene_text(", offset_m = [0.0, 0.1, 0.0], scale = 2.0")).unwrap();
         let is_inside = |x_mm: f64, y_mm: f64, z_mm: f64| {
             let at_m = in_scene_m(Vec3::new(x_mm, y_mm, z_mm)) * 2.0 + Vec3::new(0.0, 0.1, 0.0);

@@ -145,6 +145,7 @@ struct Specimen {
     whole_m3: f64,
     /// Edges of the skin that fold before any cut.
     whole_folded: usize,
+    whole_crossing: usize,
     cut_area_m2: f64,
     work_j: f64,
     residual_j: f64,
@@ -158,6 +159,8 @@ impl Specimen {
         let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| surface.volume_m3()).sum();
         let folded = |(body, surface): (&Body, &Surface)| surface.folded_edges(&body.state.grid).len();
         let whole_folded = world.bodies_and_surfaces().map(folded).sum();
+        let crossing = |(_, surface): (&Body, &Surface)| surface.crossing_pairs().len();
+        let whole_crossing = world.bodies_and_surfaces().map(crossing).sum();
         Ok(Self {
             seed,
             world,
@@ -166,6 +169,7 @@ impl Specimen {
             dt_s: 1.0 / model.scene.desc.rate_hz,
             whole_m3,
             whole_folded,
+            whole_crossing,
             cut_area_m2: 0.0,
             work_j: 0.0,
             residual_j: 0.0,
@@ -219,9 +223,13 @@ impl Specimen {
         for (body, surface) in self.world.bodies_and_surfaces() {
             let seams = seams(&body.state.grid, surface);
             tally.lone_cracks = tally.lone_cracks.max(seams.lone);
-            tally.crossing_pairs = tally.crossing_pairs.max(surface.crossing_pairs().len());
+            let crossing = surface.crossing_pairs().len().saturating_sub(self.whole_crossing);
+            tally.crossing_pairs = tally.crossing_pairs.max(crossing);
             let folded = surface.folded_edges(&body.state.grid).len().saturating_sub(self.whole_folded);
             tally.folded_edges = tally.folded_edges.max(folded);
+            if folded > 0 {
+                wrong.push(format!("the skin folds back along {folded} edges"));
+            }
             if seams.open > 0 {
                 wrong.push(format!("{} open edges", seams.open));
             }

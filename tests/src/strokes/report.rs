@@ -172,11 +172,10 @@ pub fn page(rows: &[Row], commit: &str) -> String {
     }
     text.push_str(
         "\nVolume ratio: change of the enclosed rest volume over A h. Residual: the ledger's unexplained energy, over \
-         the tools' work. Crossing pairs: triangles that pass through each other in the reference configuration, at most \
-         after a stroke. They have no limit: where neither diagonal of a quad stays between its link and its edges, \
-         they may cross. Folded edges: edges of the skin whose triangles have normals more than 90 degrees apart, above \
-         those of the uncut model, at most after a stroke. They have no limit either: where the rim of a cut is wanted beyond \
-         a vertex of the skin, the skin folds there by less than a voxel.\n\n\
+         the tools' work. Crossing pairs: triangles that pass through each other in the reference configuration, above those of the \
+         uncut model, at most after a stroke. They have no limit: where cuts cross inside, walls may pass through walls. \
+         Folded edges: edges of the skin whose triangles have normals more than 100 degrees apart, above those of the uncut \
+         model, at most after a stroke.\n\n\
          ![Volume ratio and residual of every body, in order of size](../reference/strokes/strokes-bodies.png)\n\n\
          The largest volume ratio and the largest residual of every body, in order of size. A point above the dashed line \
          misses its limit.\n\n## What fails\n\n",
@@ -202,10 +201,11 @@ Each body has a seed, and its strokes are drawn from it. A blade comes from any 
 is aimed at any place of the model's box and slices by up to half its way. Four of five blades are straight, the others a
 sine or an arc. The blade is lifted where the stroke ends, between a fifth of the way and beyond the far side.
 
-The liver is the built-in one. The others are scanned meshes of its size, 0.2 m, and material, fixed at their foot; they do
-not come with Kerf (`STROKES_MODELS` names their paths). Gravity and loads are off, so that severed pieces stay in reach. A
-body is replaced after the strokes per body above, or earlier where its largest piece is below a quarter of its voxels or 15
-strokes in a row cut nothing.
+The models are those of the paper, whose two cuboids are one here: they differ in the blade alone. Armadillo, bunny and horse
+are scanned meshes of the liver's size, 0.2 m, and material, fixed at their foot. They do not come with Kerf:
+`STROKES_MODELS` names their paths. Gravity and loads are off, so that severed pieces stay in reach. A body is replaced after
+the strokes per body above, or earlier where its largest piece is below a quarter of its voxels or 15 strokes in a row cut
+nothing.
 
 ## Requirements after every stroke
 
@@ -213,6 +213,7 @@ strokes in a row cut nothing.
 - Every voxel is in one element and in one piece. No piece has fewer than 8 voxels.
 - Every edge of the surface is passed equally often in both directions. The surface that was followed patch by patch equals
   one built anew (when a body is replaced).
+- No edge of the skin is folded that is not folded in the uncut model.
 - The enclosed rest volume is within A h/10 of the uncut one, with A the area that the fronts swept in this body and h the
   voxel edge. This limit is counted apart from the others.
 - The ledger leaves at most 1e-2 of the tools' work unexplained, at 125 Hz and a solver tolerance of 1e-3. At the default

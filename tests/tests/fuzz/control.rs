@@ -194,15 +194,12 @@ fn judge(outcome: Result<(), Status>) {
         Code::InvalidArgument => {
             let field = details.bad_request().map_or("", |request| &request.field_violations[0].field);
             // These name what the protocol says of the stream's messages.
-            let of_stream =
-                ["failed to decode Protobuf message", "a ClientHello may", "the first message of a control"];
-            !field.is_empty()
-                || of_stream.iter().any(|words| message.contains(words))
-                || message.contains("poses in a row were rejected, the last for")
+            let of_stream = ["failed to decode Protobuf message", "poses in a row were rejected, the last for"];
+            !field.is_empty() || of_stream.iter().any(|words| message.contains(words))
         }
-        Code::NotFound => message.starts_with("no session ") || message.starts_with("tool "),
+        Code::NotFound => ["no session ", "tool ", "hello.tool_ids["].iter().any(|name| message.starts_with(name)),
         Code::FailedPrecondition => {
-            ["protocol_version", "tool ", "lease:"].iter().any(|name| message.starts_with(name))
+            ["hello.protocol_version = ", "tool ", "lease:"].iter().any(|name| message.starts_with(name))
         }
         Code::ResourceExhausted => details.quota_failure().is_some_and(|quota| !quota.violations[0].subject.is_empty()),
         // tonic's own word on a message that is larger than any of them is.

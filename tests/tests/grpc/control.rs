@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, control_request, control_response, send_pose_request};
-use tonic::Code;
+use tonic::{Code, Status};
+use tonic_types::StatusExt as _;
 
 use super::harness::{Cable, Harness, Station, connect, hello, no_expiry, pose};
 
@@ -153,26 +154,48 @@ async fn a_tool_that_teleports_is_put_down_there_and_not_locked_out() {
     assert_eq!(moved.flags & REENTERED, 0);
 }
 
+fn assert_names(refused: &Status, code: Code, field: &str, limit: &str) {
+    let details = refused.get_details_bad_request();
+    let named = details.map(|request| request.field_violations[0].field.clone());
+    assert_eq!((refused.code(), named.as_deref()), (code, Some(field)), "{refused}");
+    assert!(refused.message().contains(limit), "{refused}");
+}
+
 #[tokio::test]
-async fn hellos_are_checked() {
+async fn a_hello_that_is_refused_is_so_by_its_field_and_limit() {
     let mut harness = Harness::with(|config| config.control.hello_timeout_s = 0.2).await;
     let session = harness.create().await.unwrap();
-    let code = async |hello| match Station::open(harness.channel.clone(), hello).await {
-        Ok(_) => Code::Ok,
-        Err(status) => status.code(),
-    };
-    assert_eq!(code(v1::ClientHello { protocol_version: 99, ..hello(&session, &[0]) }).await, Code::FailedPrecondition);
-    assert_eq!(code(hello("session-00000000-1", &[0])).await, Code::NotFound);
-    assert_eq!(code(hello("nonsense", &[0])).await, Code::NotFound);
-    assert_eq!(code(hello(&session, &[2])).await, Code::NotFound);
-    assert_eq!(code(hello(&session, &[])).await, Code::InvalidArgument);
-    let mad_rate = v1::ClientHello { contact_rate_hz: f64::NAN, ..hello(&session, &[0]) };
-    assert_eq!(code(mad_rate).await, Code::InvalidArgument);
+    let refused = async |hello| Station::open(harness.channel.clone(), hello).await.err().unwrap();
+    for id in ["session-00000000-1", "nonsense"] {
+        assert_eq!(refused(hello(id, &[0])).await.code(), Code::NotFound);
+    }
+    let sound = || hello(&session, &[0]);
+    let hellos = [
+        (v1::ClientHello { protocol_version: 99, ..sound() }, "hello.protocol_version", "must be 3"),
+        (hello(&session, &[0, 2]), "hello.tool_ids[1]", "less than 2"),
+        (hello(&session, &[]), "hello.tool_ids", "required"),
+        (v1::ClientHello { client_key: "k".repeat(65), ..sound() }, "hello.client_key", "more than 64"),
+        (v1::ClientHello { contact_rate_hz: f64::NAN, ..sound() }, "hello.contact_rate_hz", "0 or greater"),
+        (v1::ClientHello { contact_deadband: -1.0, ..sound() }, "hello.contact_deadband", "0 or greater"),
+        (v1::ClientHello { contact_keep_alive_s: -1.0, ..sound() }, "hello.contact_keep_alive_s", "0 or greater"),
+    ];
+    for (hello, field, limit) in hellos {
+        let code = match field {
+            "hello.protocol_version" => Code::FailedPrecondition,
+            "hello.tool_ids[1]" => Code::NotFound,
+            _ => Code::InvalidArgument,
+        };
+        assert_names(&refused(hello).await, code, field, limit);
+    }
     // One that says nothing is not waited for.
     let silent = ControlServiceClient::new(harness.channel.clone()).control(tokio_stream::pending()).await;
-    assert_eq!(silent.err().map(|status| status.code()), Some(Code::InvalidArgument));
+    let limit = "within 0.2 s (control.hello_timeout_s)";
+    assert_names(&silent.unwrap_err(), Code::InvalidArgument, "hello", limit);
+    let no_hello = v1::ControlRequest { message: Some(control_request::Message::Pose(pose(0, 1, 0.0))), received: 0 };
+    let pose_first = ControlServiceClient::new(harness.channel.clone()).control(tokio_stream::once(no_hello)).await;
+    assert_names(&pose_first.unwrap_err(), Code::InvalidArgument, "hello", "the first message");
     let twice = harness.drive(&session, &[0]).await.unwrap();
-    twice.say(control_request::Message::Hello(hello(&session, &[0]))).await;
+    twice.say(control_request::Message::Hello(sound())).await;
     assert_eq!(twice.end().await, Code::InvalidArgument);
 }
 

@@ -73,7 +73,7 @@ async fn an_object_that_is_not_there_and_one_of_too_many_voxels_are_refused_by_n
     assert_eq!((field.as_str(), words.as_str()), ("object", "object = 1: the scene has 1, counted from 0"));
     let (field, words) = violation(interior(&harness, &session, 0).await.unwrap_err());
     assert_eq!(field, "object");
-    assert!(words.ends_with("the inside of 10 at most is told (max_interior_voxels)"), "{words}");
+    assert!(words.ends_with("the inside of 10 at most is told (view.max_interior_voxels)"), "{words}");
     let unknown = interior(&harness, "7", 0).await.unwrap_err();
     assert_eq!(unknown.code(), Code::NotFound);
 }

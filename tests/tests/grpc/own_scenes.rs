@@ -60,7 +60,7 @@ async fn a_mesh_is_sent_with_the_scene_that_refers_to_it() {
     let open = sent(file(BOX_OBJ.replace("f 4 1 5 8\n", "").into())).await.unwrap_err();
     assert_eq!(open.code(), Code::InvalidArgument, "{open}");
     let large = sent(file(vec![b'#'; 200_000])).await.unwrap_err();
-    let names_limit = large.message().contains("100000 bytes (max_request_bytes)");
+    let names_limit = large.message().contains("100000 bytes (transport.max_request_bytes)");
     assert_eq!((large.code(), names_limit), (Code::ResourceExhausted, true), "{large}");
 }
 

@@ -14,7 +14,7 @@ use super::tests::{BLOCK, place};
 use super::virtual_disk::{Faults, VirtualDisk};
 
 /// Seeds that are tried. The variable `LIVES` says another number, `LIVES_SEED` the first of them.
-const SEEDS: u64 = 60;
+const SEEDS: u64 = 40;
 const MS: u64 = 1_000_000;
 
 /// A session after something has happened to it: its state and its checkpoints, as files.
