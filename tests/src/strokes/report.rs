@@ -131,7 +131,7 @@ pub fn page(rows: &[Row], commit: &str) -> String {
     let (strokes, missed) = (sum(|row| row.strokes.into()), sum(|row| row.volume_misses.into()));
     let mut text = format!(
         "# Random strokes\n\n\
-         {strokes} random strokes cut {} models. After {missed} strokes ({:.2} %) the enclosed volume was beyond its \
+         {strokes} random strokes cut {} models. After {missed} of them ({:.2} %) the enclosed volume was beyond its \
          bound, so that limit is missed. The other requirements below failed {} times. {} steps were rolled back.\n\n",
         rows.len(),
         100.0 * missed as f64 / strokes.max(1) as f64,
