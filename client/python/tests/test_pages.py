@@ -10,13 +10,6 @@ from conftest import PROGRAM, REPOSITORY
 
 RAY = "docs/how-to/ray.md"
 PAGES = ["README.md", "docs/tutorial/README.md", "docs/how-to/python.md", "client/python/README.md", RAY]
-COMMANDS = [
-    *PAGES,
-    "docs/how-to/mesh.md",
-    "docs/how-to/tls.md",
-    "docs/reference/server.md",
-    "docs/reference/security.md",
-]
 
 
 def blocks(page, language):
@@ -79,29 +72,3 @@ def test_the_generated_pages_are_what_the_program_says(tmp_path):
     subprocess.run([sys.executable, script, PROGRAM, tmp_path], check=True, timeout=60)
     for page in ["settings.md", "scene-fields.md"]:
         assert (tmp_path / page).read_text() == (REPOSITORY / "docs/reference" / page).read_text(), page
-
-
-def test_the_tutorials_commands_are_commands_of_the_program():
-    """Every `kerf-server WORD` of the pages is one, with options that it has."""
-    lines = [
-        line.split("#")[0].split()
-        for page in COMMANDS
-        for line in (REPOSITORY / page).read_text(encoding="utf-8").splitlines()
-        if line.startswith("    kerf-server ")
-    ]
-    assert len(lines) > 5
-    known = {}
-
-    def help_of(*command):
-        if command not in known:
-            asked = [PROGRAM, *command, "--help"]
-            known[command] = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
-        return known[command]
-
-    for words in lines:
-        command = [words[1]]
-        # Some have commands of their own.
-        if "Commands:" in help_of(*command):
-            command.append(words[2])
-        for option in (word.split("=")[0] for word in words if word.startswith("--")):
-            assert option in help_of(*command), f"{option} in: {' '.join(words)}"
