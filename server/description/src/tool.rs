@@ -85,6 +85,10 @@ pub struct BladeDesc {
     // Not written where it is as it was before there was a choice: Pareto fronts know their scenes by their text.
     #[serde(default = "default_sharp_ends", skip_serializing_if = "Clone::clone")]
     pub sharp_ends: bool,
+    /// Its handle, which tissue presses on as on a probe. It goes on from the highest point of the spine along the tool's y
+    /// axis. Default: nothing behind the spine touches.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handle: Option<CapsuleDesc>,
 }
 
 impl BladeDesc {
@@ -100,6 +104,7 @@ impl BladeDesc {
             wedge_angle_rad: None,
             flank_friction: None,
             sharp_ends: default_sharp_ends(),
+            handle: None,
         }
     }
 }
@@ -140,8 +145,8 @@ impl GrasperDesc {
     }
 }
 
-/// A smooth, blunt tool: all points within a radius of a segment of the tool's x axis, about its origin. It
-/// presses, rubs by the material's `friction_coefficient`, and cuts nothing.
+/// A smooth, blunt surface: all points within a radius of a segment. A probe's segment is of the tool's x axis, about its
+/// origin. It presses, rubs by the material's `friction_coefficient`, and cuts nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CapsuleDesc {

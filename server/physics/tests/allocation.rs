@@ -114,8 +114,11 @@ fn a_world_that_went_back_to_a_snapshot_allocates_nothing_either() {
 
 #[test]
 fn neither_holding_nor_pressing_allocates() {
+    let handle = Some(CapsuleDesc { radius_m: 0.01, length_m: 0.01 });
+    let upside_down = Quat::from_axis_angle(&Vec3::x_axis(), std::f64::consts::PI);
     let tools = [
         (ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.05)), 0.0405, 5e-5),
+        (ToolDesc::blade("handle", BladeDesc { handle, ..BladeDesc::straight(0.06, 0.005) }), 0.0755, 1e-4),
         (ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.008, max_force_n: None }), 0.045, 1e-4),
         (ToolDesc::probe("probe", CapsuleDesc { radius_m: 0.01, length_m: 0.01 }), 0.045, 1e-4),
     ];
@@ -129,7 +132,9 @@ fn neither_holding_nor_pressing_allocates() {
         let mut allocations = 0;
         for i in 0..60 {
             let position_m = Vec3::new(0.0, from_m - step_m * f64::from(i), 0.0);
-            let pose = Pose { position_m, orientation: Quat::identity() };
+            // What is behind the spine goes in first.
+            let orientation = if tool.name == "handle" { upside_down } else { Quat::identity() };
+            let pose = Pose { position_m, orientation };
             let opening = if (20..40).contains(&i) { 0.0 } else { 1.0 };
             let inputs = [ToolInput { tool: 0, motion: ToolMotion::MoveTo { pose, opening } }];
             let before = ALLOCATIONS.get();

@@ -35,6 +35,16 @@ fn a_blade_is_clear_where_neither_its_edge_nor_what_is_behind_it_is_in_tissue() 
 }
 
 #[test]
+fn a_blade_is_not_clear_where_its_handle_is_in_tissue() {
+    let handle = Some(CapsuleDesc { radius_m: 0.004, length_m: 0.02 });
+    let world = world(ToolDesc::blade("blade", BladeDesc { handle, ..BladeDesc::straight(0.02, 0.01) }));
+    let is_clear = |y: f64| world.is_clear(0, &at([0.0, y, 0.0]), OPEN);
+    assert!(is_clear(HALF_M + 1e-4), "above");
+    assert!(!is_clear(-HALF_M - 0.015), "blade and spine are out below, and the handle is not");
+    assert!(is_clear(-HALF_M - 0.0381), "all of it is below");
+}
+
+#[test]
 fn a_probe_is_clear_where_no_more_than_half_a_voxel_of_it_is_in_tissue() {
     let (radius_m, length_m) = (0.004, 0.02);
     let world = world(ToolDesc::probe("probe", CapsuleDesc { radius_m, length_m }));

@@ -20,6 +20,7 @@ mod filled;
 mod flanks;
 mod graded;
 mod grasper;
+mod handle;
 mod held;
 mod indentation;
 mod link_energy;

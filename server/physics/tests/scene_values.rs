@@ -135,6 +135,15 @@ fn probe(scene: &mut SceneDesc) -> &mut CapsuleDesc {
     }
 }
 
+/// The handle of a scene's blade, there from now on.
+fn handle(scene: &mut SceneDesc) -> &mut CapsuleDesc {
+    scene.tools = vec![ToolDesc::blade("tool", BladeDesc::straight(0.01, 0.01))];
+    match &mut scene.tools[0].shape {
+        ToolShapeDesc::Blade(blade) => blade.handle.insert(CapsuleDesc { radius_m: 0.01, length_m: 0.0 }),
+        other => unreachable!("{other:?}"),
+    }
+}
+
 fn scissors(scene: &mut SceneDesc) -> &mut ScissorsDesc {
     scene.tools = vec![ToolDesc::scissors("tool", ScissorsDesc::new(0.05, 0.05))];
     match &mut scene.tools[0].shape {
@@ -154,6 +163,10 @@ fn tools_of_every_kind_are_read_with_their_defaults_and_unknown_ones_are_told_wh
     assert_eq!(read("{ grasper = { radius_m = 0.02 } }"), holds);
     let presses = ToolDesc::probe("knife", CapsuleDesc { radius_m: 0.02, length_m: 0.0 });
     assert_eq!(read("{ probe = { radius_m = 0.02 } }"), presses);
+    let handle = Some(CapsuleDesc { radius_m: 0.02, length_m: 0.1 });
+    let held = ToolDesc::blade("knife", BladeDesc { handle, ..BladeDesc::straight(0.05, 0.05) });
+    let handle = "handle = { radius_m = 0.02, length_m = 0.1 }";
+    assert_eq!(read(&format!("{{ blade = {{ width_m = 0.05, height_m = 0.05, {handle} }} }}")), held);
     let cuts = ToolDesc::scissors("knife", ScissorsDesc::new(0.04, 0.02));
     assert_eq!(read("{ scissors = { blade_length_m = 0.04, blade_height_m = 0.02 } }"), cuts);
     let told = with("{ saw = { radius_m = 0.02 } }").unwrap_err();
@@ -179,9 +192,11 @@ fn a_colour_is_written_as_css_writes_it_and_other_texts_are_refused_by_place() {
 }
 
 #[test]
-fn a_probe_finer_than_the_surface_and_scissors_over_too_many_voxels_are_refused() {
+fn a_probe_or_handle_finer_than_the_surface_and_scissors_over_too_many_voxels_are_refused() {
     assert_eq!(refused(|s| probe(s).radius_m = 0.0201), [""; 0]);
     assert_eq!(refused(|s| probe(s).radius_m = 0.0199), ["tools[0].shape.probe.radius_m"]);
+    assert_eq!(refused(|s| handle(s).radius_m = 0.0201), [""; 0]);
+    assert_eq!(refused(|s| handle(s).radius_m = 0.0199), ["tools[0].shape.blade.handle.radius_m"]);
     let length = |voxels: f64| {
         refused(|s| {
             *s = roomy();
@@ -304,6 +319,8 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
         bound(|s, v| grasper(s).max_force_n = Some(v), "tools[0].shape.grasper.max_force_n", [1e-6, 1e6], 1e-9),
         bound(|s, v| probe(s).radius_m = v, "tools[0].shape.probe.radius_m", [1e-4, 1.0], 1e-9),
         bound(|s, v| probe(s).length_m = v, "tools[0].shape.probe.length_m", [0.0, 10.0], 1e-9),
+        bound(|s, v| handle(s).radius_m = v, "tools[0].shape.blade.handle.radius_m", [1e-4, 1.0], 1e-9),
+        bound(|s, v| handle(s).length_m = v, "tools[0].shape.blade.handle.length_m", [0.0, 10.0], 1e-9),
         bound(|s, v| scissors(s).blade_height_m = v, "tools[0].shape.scissors.blade_height_m", [1e-4, 10.0], 1e-9),
         bound(|s, v| scissors(s).max_angle_rad = v, "tools[0].shape.scissors.max_angle_rad", [0.1, 2.0], 1e-9),
         bound(

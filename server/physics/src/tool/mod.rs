@@ -6,6 +6,7 @@ pub(crate) mod edge;
 pub(crate) mod flanks;
 pub(crate) mod frame;
 pub(crate) mod grasper;
+pub(crate) mod part;
 mod pose;
 pub(crate) mod scissors;
 

@@ -75,6 +75,12 @@ impl Pose {
         self.position_m + self.orientation * local_m
     }
 
+    /// Pose in the scene frame of what has the pose `place` in the tool frame.
+    #[must_use]
+    pub(crate) fn of_carried(&self, place: &Self) -> Self {
+        Self { position_m: self.transform(&place.position_m), orientation: self.orientation * place.orientation }
+    }
+
     /// Tool-frame position of a point given in the scene frame, m.
     #[must_use]
     pub(crate) fn to_local(self, scene_m: &Vec3) -> Vec3 {

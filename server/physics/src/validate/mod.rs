@@ -165,7 +165,13 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
     for (i, tool) in scene.tools.iter().enumerate() {
         let field = format!("tools[{i}].shape");
         match &tool.shape {
-            ToolShapeDesc::Blade(blade) => report.blade(&format!("{field}.blade"), blade, smallest_voxel_m),
+            ToolShapeDesc::Blade(blade) => {
+                let field = format!("{field}.blade");
+                report.blade(&field, blade, smallest_voxel_m);
+                if let Some(handle) = &blade.handle {
+                    report.capsule(&format!("{field}.handle"), handle, largest_voxel_m);
+                }
+            }
             ToolShapeDesc::Scissors(scissors) => {
                 report.scissors(&format!("{field}.scissors"), scissors, smallest_voxel_m);
             }
@@ -585,8 +591,8 @@ impl Report {
         self.number(&format!("{field}.length_m"), capsule.length_m, 0.0..=10.0);
         if fits && capsule.radius_m < MIN_PROBE_VOXELS * largest_voxel_m {
             let message = format!(
-                "{} is less than {MIN_PROBE_VOXELS} of the largest voxels, of {} m; make the voxels smaller or the probe \
-                 thicker",
+                "{} is less than {MIN_PROBE_VOXELS} of the largest voxels, of {} m; make the voxels smaller or this \
+                 larger",
                 brief(capsule.radius_m),
                 brief(largest_voxel_m)
             );

@@ -10,7 +10,7 @@ use crate::fracture::Crack;
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::{POINT_NODES, PointSpring, ROOM_FOR_SPRINGS};
-use crate::tool::ToolShape;
+use crate::tool::part::ToolPart;
 use crate::walk::WalkError;
 use crate::workers::Workers;
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub(super) struct BodySlot {
     pub(super) body: Body,
     /// Where its cuts end.
     pub(super) crack: Crack,
-    /// By tool.
+    /// By part of the tools.
     pub(super) contacts: Vec<ToolContact>,
     /// Present where the body can be pulled apart.
     pub(super) pulled: Option<Pulled>,
@@ -68,12 +68,12 @@ impl Clone for SlotScratch {
 }
 
 impl BodySlot {
-    pub(super) fn new<'a>(mut body: Body, tools: impl Iterator<Item = &'a ToolShape> + Clone, is_pulled: bool) -> Self {
-        // As fine as the finest smooth tool asks for.
-        if let Some(radius_m) = tools.clone().filter_map(ToolShape::smooth_radius_m).reduce(f64::min) {
+    pub(super) fn new(mut body: Body, parts: &[ToolPart], is_pulled: bool) -> Self {
+        // As fine as the finest smooth part of a tool asks for.
+        if let Some(radius_m) = parts.iter().filter_map(|part| part.shape.smooth_radius_m()).reduce(f64::min) {
             body.resolve_boundary(radius_m);
         }
-        let contacts = tools.map(|shape| ToolContact::new(shape, &body)).collect();
+        let contacts = parts.iter().map(|part| ToolContact::new(&part.shape, &body)).collect();
         let energy = body.energy();
         let mut slot = Self {
             velocity_change: vec![[0.0; 3]; body.node_count()],

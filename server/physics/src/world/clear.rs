@@ -20,8 +20,15 @@ impl World {
     /// tissue where its blades or its surface are, but for half a voxel. Jaws take hold of nothing before they close.
     #[must_use]
     pub fn is_clear(&self, tool: usize, pose: &Pose, opening: f64) -> bool {
+        self.description.parts_of(tool).all(|index| {
+            let part = &self.description.parts[index];
+            self.is_clear_of(&part.shape, &part.carried.map_or(*pose, |c| pose.of_carried(&c.place)), opening)
+        })
+    }
+
+    fn is_clear_of(&self, shape: &ToolShape, pose: &Pose, opening: f64) -> bool {
         let bodies = || self.state.slots.iter().map(|slot| &slot.body);
-        match &self.description.shapes[tool] {
+        match shape {
             ToolShape::Grasper(_) => true,
             ToolShape::Probe(capsule) => bodies().all(|body| is_clear_of_probe(body, capsule, pose)),
             ToolShape::Blade(blade) => bodies().all(|body| is_clear_of_blade(body, blade, pose)),

@@ -99,6 +99,20 @@ pub(super) struct Felt {
     damping: Mat6,
 }
 
+/// A part of a tool, where it is.
+#[derive(Clone, Copy)]
+pub(super) struct Placed<'a> {
+    /// Its index.
+    pub(super) part: usize,
+    pub(super) shape: &'a ToolShape,
+    pub(super) pose: Pose,
+}
+
+/// Whether any of these parts presses on a body.
+pub(super) fn presses<'a>(slot: &BodySlot, mut parts: impl Iterator<Item = Placed<'a>>) -> bool {
+    parts.any(|placed| slot.contacts[placed.part].pressing().next().is_some())
+}
+
 /// A spring of a contact, as a tool feels it.
 struct Spring {
     /// What a twist of the tool stretches it by.
@@ -113,11 +127,12 @@ struct Spring {
 }
 
 impl Spring {
-    fn new(contact: &Contact, body: &Body, (shape, pose): (&ToolShape, &Pose)) -> Self {
+    /// Of a contact of this part, as felt at `about_m`.
+    fn new(contact: &Contact, body: &Body, placed: &Placed<'_>, about_m: Vec3) -> Self {
         let (d, at_m) = (contact.direction, contact.ends.tool_point_m);
-        let turn = (at_m - pose.position_m).cross(&d);
-        let turning =
-            shape.turning(pose, &at_m).map(|(centre_m, per_m)| (centre_m - pose.position_m, per_m * contact.force_n));
+        let turn = (at_m - about_m).cross(&d);
+        let turning = placed.shape.turning(&placed.pose, &at_m);
+        let turning = turning.map(|(centre_m, per_m)| (centre_m - about_m, per_m * contact.force_n));
         Self {
             row: Vec6::new(d.x, d.y, d.z, turn.x, turn.y, turn.z),
             stiffness_n_per_m: contact.stiffness_n_per_m,
@@ -162,18 +177,18 @@ impl ToolModel {
         (self.felt, self.fields_left) = (None, 0);
     }
 
-    /// Goes on with the model of tool `index`: as far as the step's work allows, and by one field at least, so that it
-    /// comes to an end. The operators of the bodies that the tool presses on get the springs of all contacts, by
-    /// [`Contact::quasi_static_spring`], from `load`.
-    pub(super) fn go_on(
+    /// Goes on with the model of a tool at a pose with these parts: as far as the step's work allows, and by one field at
+    /// least, so that it comes to an end. The operators of the bodies that the tool presses on get the springs of all
+    /// contacts, by [`Contact::quasi_static_spring`], from `load`.
+    pub(super) fn go_on<'a, P: Iterator<Item = Placed<'a>>>(
         &mut self,
         workers: &Workers<'_>,
-        (index, tool): (usize, (&ToolShape, &Pose)),
+        (pose, parts): (&Pose, impl Fn() -> P),
         slots: &mut [BodySlot],
         work: &mut WorkMeter,
         mut load: impl FnMut(usize, &mut BodySlot),
     ) {
-        let presses = |slot: &BodySlot| slot.contacts[index].pressing().next().is_some();
+        let presses = |slot: &BodySlot| presses(slot, parts());
         let elements = slots.iter().filter(|slot| presses(slot)).map(|slot| slot.body.base().elements.len()).sum();
         // A field takes an iteration or so.
         let allowed = work.iterations_left(elements).unwrap_or(u32::MAX);
@@ -185,7 +200,10 @@ impl ToolModel {
             load(body, slot);
             let springs = &mut self.springs;
             springs.clear();
-            springs.extend(slot.contacts[index].pressing().map(|contact| Spring::new(contact, &slot.body, tool)));
+            for placed in parts() {
+                let pressing = slot.contacts[placed.part].pressing();
+                springs.extend(pressing.map(|c| Spring::new(c, &slot.body, &placed, pose.position_m)));
+            }
             let tissue = &mut self.tissues[body];
             let iterations = tissue.look(workers, &mut slot.body, springs, (fields, left));
             work.add_fields(slot.body.base().elements.len(), fields, iterations);
@@ -204,12 +222,12 @@ impl ToolModel {
     }
 
     /// Room for all that the tool may come to feel.
-    pub(super) fn fit(&mut self, index: usize, slots: &mut [BodySlot]) {
+    pub(super) fn fit(&mut self, parts: impl Iterator<Item = usize> + Clone, slots: &mut [BodySlot]) {
         self.tissues.resize_with(slots.len(), Default::default);
         self.springs.clear();
         for (tissue, slot) in self.tissues.iter_mut().zip(slots) {
             tissue.fields.iter_mut().for_each(|field| slot.body.fit(field));
-            self.springs.reserve(slot.contacts[index].most_springs(&slot.body));
+            self.springs.reserve(parts.clone().map(|part| slot.contacts[part].most_springs(&slot.body)).sum());
         }
     }
 }
@@ -316,11 +334,25 @@ pub(super) struct ContactSum {
     wrench: Wrench,
     cap_n: f64,
     pub(super) touches: bool,
+    /// Size of the smallest part that touches, m.
+    size_m: f64,
+    /// Whether a part that touches pulls as it pushes.
+    pulls: bool,
+    /// Whether all parts that touch cut forward: what a handle bears has no cap.
+    cuts_forward: bool,
 }
 
 impl ContactSum {
     pub(super) fn new(pose: Pose) -> Self {
-        Self { pose, wrench: Wrench::default(), cap_n: 0.0, touches: false }
+        Self {
+            pose,
+            wrench: Wrench::default(),
+            cap_n: 0.0,
+            touches: false,
+            size_m: f64::INFINITY,
+            pulls: false,
+            cuts_forward: true,
+        }
     }
 
     pub(super) fn wrench(&self) -> Wrench {
@@ -335,30 +367,31 @@ impl ContactSum {
         self.wrench.torque_nm += arm.cross(&force);
     }
 
-    /// Takes note of a contact that holds a pose.
-    pub(super) fn bound(&mut self, contact: &Contact) {
+    /// Takes note of a part's contacts that hold a pose.
+    pub(super) fn bound<'a>(&mut self, shape: &ToolShape, pressing: impl Iterator<Item = &'a Contact>) {
+        let mut pressing = pressing.peekable();
+        if pressing.peek().is_none() {
+            return;
+        }
         self.touches = true;
-        if contact.limit_n.is_finite() {
+        self.size_m = self.size_m.min(shape.size_m());
+        self.pulls |= shape.pulls();
+        self.cuts_forward &= shape.cuts_forward();
+        for contact in pressing.filter(|contact| contact.limit_n.is_finite()) {
             self.cap_n += contact.limit_n;
         }
     }
 
-    pub(super) fn model(
-        &self,
-        (shape, path): (&ToolShape, &ToolPath),
-        dt_s: f64,
-        felt: &Felt,
-        give: Option<Give>,
-    ) -> ContactModel {
+    /// The model of what touches.
+    pub(super) fn model(&self, path: &ToolPath, dt_s: f64, felt: &Felt, give: Option<Give>) -> ContactModel {
         let turn = path.pose.orientation * path.before.orientation.inverse();
-        let size_m = shape.size_m();
-        let felt = felt.definite(size_m);
+        let felt = felt.definite(self.size_m);
         let force_n = self.wrench.force_n;
         let along_force = felt.stiffness.fixed_view::<3, 3>(0, 0) * force_n;
         // A spring that pushes and does not pull holds as far as its force falls to nothing, and is not the same till then.
         let gives_m = force_n.norm_squared() * force_n.norm() / along_force.dot(&force_n).max(f64::MIN_POSITIVE);
-        let reach_m = if shape.pulls() { f64::INFINITY } else { LINEAR_SHARE * gives_m };
-        let is_capped = self.cap_n > 0.0 && shape.cuts_forward();
+        let reach_m = if self.pulls { f64::INFINITY } else { LINEAR_SHARE * gives_m };
+        let is_capped = self.cap_n > 0.0 && self.cuts_forward;
         ContactModel {
             reference: self.pose,
             velocity_m_per_s: (path.pose.position_m - path.before.position_m) / dt_s,
@@ -369,7 +402,7 @@ impl ContactSum {
             force_cap_n: is_capped.then_some(self.cap_n),
             give: give.filter(|_| is_capped),
             cap_direction: self.pose.orientation * Vec3::y(),
-            validity_radius_m: (VALID_SHARE * size_m).min(reach_m),
+            validity_radius_m: (VALID_SHARE * self.size_m).min(reach_m),
         }
     }
 }

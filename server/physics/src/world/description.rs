@@ -7,8 +7,8 @@ use crate::grid::Grid;
 use crate::math::Aabb;
 use crate::params::StepParams;
 use crate::scene::wording::brief;
-use crate::scene::{Scene, SceneError, ToolDesc};
-use crate::tool::ToolShape;
+use crate::scene::{Scene, SceneError};
+use crate::tool::part::{Carried, ToolPart};
 use crate::walk;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -27,11 +27,24 @@ pub(super) struct Description {
     pub(super) dt_s: f64,
     /// See [`crate::SceneDesc::most_relative_residual`].
     pub(super) most_relative_residual: f64,
-    /// By tool.
-    pub(super) shapes: Vec<ToolShape>,
+    /// The tools, and after them what they carry.
+    pub(super) parts: Vec<ToolPart>,
     pub(super) tracked_points: Vec<TrackedPoint>,
     /// What leaves it is put away, scene frame.
     pub(super) reach: Aabb,
+}
+
+impl Description {
+    /// What tools carry: the index of the part, and how it is carried.
+    pub(super) fn carried(&self) -> impl Iterator<Item = (usize, &Carried)> {
+        self.parts.iter().enumerate().filter_map(|(index, part)| Some((index, part.carried.as_ref()?)))
+    }
+
+    /// Indices of the parts that a tool consists of: of itself first.
+    pub(super) fn parts_of(&self, tool: usize) -> impl Iterator<Item = usize> + Clone {
+        let carried = self.parts.iter().enumerate().filter(move |(_, part)| part.carried.is_some_and(|c| c.by == tool));
+        std::iter::once(tool).chain(carried.map(|(index, _)| index))
+    }
 }
 
 /// By what a scene is known: its name, its steps, and hashes over all that it states.
@@ -63,16 +76,6 @@ pub(super) fn identity(scene: &Scene) -> SceneIdentity {
         (format!("meshes[{key:?}]"), hash)
     }));
     SceneIdentity { name: scene.desc.name.clone(), rate_hz: scene.desc.rate_hz, parts }
-}
-
-/// Shapes of a scene's tools.
-pub(super) fn shapes(scene: &Scene) -> Result<Vec<ToolShape>, SceneError> {
-    let tools = scene.desc.tools.iter().enumerate();
-    let stiffest_pa = scene.desc.stiffest_pa();
-    let shape = |(i, tool): (usize, &ToolDesc)| {
-        ToolShape::new(&tool.shape, stiffest_pa).map_err(|e| e.within(&format!("tools[{i}].shape")))
-    };
-    tools.map(shape).collect()
 }
 
 /// How a scene's steps are taken.

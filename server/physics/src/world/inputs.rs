@@ -1,5 +1,6 @@
 //! What comes from outside between two steps: states that were set and poses of tools.
 
+use super::description::Description;
 use super::own_view::OwnView;
 use super::scratch::Scratch;
 use super::state::State;
@@ -19,7 +20,13 @@ pub(super) fn take_edits(workers: &Workers<'_>, state: &mut State) {
 }
 
 /// Begins a step with its inputs.
-pub(super) fn apply(inputs: &StepInputs<'_>, state: &mut State, scratch: &mut Scratch, output: &mut StepOutput) {
+pub(super) fn apply(
+    description: &Description,
+    inputs: &StepInputs<'_>,
+    state: &mut State,
+    scratch: &mut Scratch,
+    output: &mut StepOutput,
+) {
     output.fault = None;
     output.fracture = FractureStep::default();
     scratch.ledger = ContactLedger::default();
@@ -31,12 +38,15 @@ pub(super) fn apply(inputs: &StepInputs<'_>, state: &mut State, scratch: &mut Sc
         tool.entered = false;
     }
     for input in inputs.tools {
-        let Some(tool) = state.tools.get_mut(input.tool) else { continue };
+        let Some(tool) = state.tools[..output.tools.len()].get_mut(input.tool) else { continue };
         match input.motion {
             ToolMotion::MoveTo { pose, opening } => tool.move_to(pose, opening),
             ToolMotion::EnterAt { pose, opening } => tool.enter_at(pose, opening),
-            ToolMotion::Lift => lift(input.tool, state),
+            ToolMotion::Lift => description.parts_of(input.tool).for_each(|part| lift(part, state)),
         }
+    }
+    for (index, carried) in description.carried() {
+        state.tools[index] = state.tools[carried.by].carrying(&carried.place);
     }
 }
 

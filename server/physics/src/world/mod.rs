@@ -38,6 +38,7 @@ use crate::making::{Making, MakingStage, Teller};
 use crate::scene::{SceneError, SceneProblems};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{EnergyStep, StepInputs, StepOutput, ToolOutput};
+use crate::tool::part::ToolPart;
 use crate::validate::SoundScene;
 use crate::work::WorkMeter;
 use crate::workers::Workers;
@@ -84,7 +85,8 @@ impl World {
     pub fn make(scene: &SoundScene, tell: &mut dyn FnMut(Making)) -> Result<Self, SceneProblems> {
         let mut teller = Teller::new(scene.desc.objects.len(), tell);
         let params = description::params(scene)?;
-        let shapes = description::shapes(scene)?;
+        let parts = ToolPart::of(&scene.desc.tools, scene.desc.stiffest_pa())?;
+        let tools = scene.desc.tools.len();
         let mut slots = Vec::with_capacity(scene.desc.objects.len());
         for (index, object) in scene.desc.objects.iter().enumerate() {
             let mut body = Body::made(scene, index, params, &Workers::serial(), &mut teller)?;
@@ -102,13 +104,13 @@ impl World {
                     })?;
                 }
             }
-            slots.push(BodySlot::new(body, shapes.iter(), is_tense || !object.loads.is_empty()));
+            slots.push(BodySlot::new(body, &parts, is_tense || !object.loads.is_empty()));
         }
         let tracked_points = description::tracked_points(scene, &slots)?;
         let mut scratch = Scratch::default();
-        scratch.models.resize_with(shapes.len(), ToolModel::default);
+        scratch.models.resize_with(tools, ToolModel::default);
         let output = StepOutput {
-            tools: vec![ToolOutput::default(); shapes.len()],
+            tools: vec![ToolOutput::default(); tools],
             tracked_displacement_m: vec![Vec3::zeros(); tracked_points.len()],
             ..StepOutput::default()
         };
@@ -116,7 +118,7 @@ impl World {
             step: 0,
             topology_version: 0,
             slots,
-            tools: vec![Tool::default(); shapes.len()],
+            tools: vec![Tool::default(); parts.len()],
             tissue: None,
             energy: EnergyStep::default(),
             spring_stored_j: 0.0,
@@ -128,7 +130,7 @@ impl World {
         let reach = put_away::reach(state.bodies());
         let scene = Arc::new(description::identity(scene));
         let dt_s = params.dt_s;
-        let description = Description { scene, dt_s, most_relative_residual, shapes, tracked_points, reach };
+        let description = Description { scene, dt_s, most_relative_residual, parts, tracked_points, reach };
         Ok(Self { description, state, scratch, output })
     }
 
@@ -144,7 +146,7 @@ impl World {
         scratch.work = WorkMeter::begin(inputs.work_units, description.most_relative_residual);
         let mut lap = Lap::start(clock);
         inputs::take_edits(workers, state);
-        inputs::apply(inputs, state, scratch, output);
+        inputs::apply(description, inputs, state, scratch, output);
         lap.end(Stage::ApplyInputs);
         if state.tools.iter().any(|tool| tool.pose.is_some()) {
             detection::tools(state);

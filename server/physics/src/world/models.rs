@@ -1,7 +1,7 @@
 //! Makes the contact models that are asked for, with the step's own matrices and before anything parts.
 
 use super::body_slot::BodySlot;
-use super::contact_model::ToolModel;
+use super::contact_model::{Placed, ToolModel, presses};
 use super::description::Description;
 use super::scratch::Scratch;
 use super::state::State;
@@ -20,9 +20,12 @@ pub(super) fn go_on(workers: &Workers<'_>, description: &Description, state: &mu
     let Scratch { models, work, .. } = scratch;
     for (index, model) in models.iter_mut().enumerate().filter(|(_, model)| model.is_asked()) {
         // Before it touches: the step in which it does allocates nothing.
-        model.fit(index, slots);
-        let presses = slots.iter().any(|slot| slot.contacts[index].pressing().next().is_some());
-        let Some(pose) = tools[index].pose.filter(|_| presses) else {
+        model.fit(description.parts_of(index), slots);
+        let parts = || {
+            let placed = |part| Some(Placed { part, shape: &description.parts[part].shape, pose: tools[part].pose? });
+            description.parts_of(index).filter_map(placed)
+        };
+        let Some(pose) = tools[index].pose.filter(|_| slots.iter().any(|slot| presses(slot, parts()))) else {
             model.forget();
             continue;
         };
@@ -30,6 +33,6 @@ pub(super) fn go_on(workers: &Workers<'_>, description: &Description, state: &mu
             let dt_s = slot.body.quasi_static_dt_s();
             slot.set_quasi_static_springs(tissue.iter().flat_map(|tissue| tissue.point_springs(body, dt_s)), dt_s);
         };
-        model.go_on(workers, (index, (&description.shapes[index], &pose)), slots, work, load);
+        model.go_on(workers, (&pose, parts), slots, work, load);
     }
 }

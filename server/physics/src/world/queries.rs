@@ -92,7 +92,7 @@ impl World {
 
     /// Where each tool is, and the fraction of their full opening that its jaws take; `None`: it is lifted.
     pub fn tool_places(&self) -> impl Iterator<Item = Option<(Pose, f64)>> + '_ {
-        self.state.tools.iter().map(|tool| tool.pose.map(|pose| (pose, tool.opening)))
+        self.state.tools[..self.output.tools.len()].iter().map(|tool| tool.pose.map(|pose| (pose, tool.opening)))
     }
 
     /// Whether an object sleeps: it was at rest, and steps leave it as it is until something wakes it.

@@ -18,6 +18,7 @@ pub(super) struct State {
     /// Changes of the structure since the scene was at rest.
     pub(super) topology_version: u64,
     pub(super) slots: Vec<BodySlot>,
+    /// By part: the tools, and after them what they carry.
     pub(super) tools: Vec<Tool>,
     /// Present from when tissue may meet tissue: in scenes of several objects, and after the first cut.
     pub(super) tissue: Option<TissueContacts>,

@@ -1,4 +1,4 @@
-//! A tool in the world.
+//! A tool in the world, or a part that goes along with one.
 
 use crate::tool::{OPEN, Pose, ToolPath};
 use serde::{Deserialize, Serialize};
@@ -33,6 +33,12 @@ impl Tool {
     pub(super) fn enter_at(&mut self, pose: Pose, opening: f64) {
         (self.pose, self.before, self.entered) = (Some(pose), Some(pose), true);
         (self.opening, self.opening_before) = (opening, opening);
+    }
+
+    /// A part that it carries at `place`, as it goes itself.
+    pub(super) fn carrying(&self, place: &Pose) -> Self {
+        let at = |pose: &Pose| pose.of_carried(place);
+        Self { pose: self.pose.as_ref().map(at), before: self.before.as_ref().map(at), ..*self }
     }
 
     /// How it moves in the step; `None` while it is lifted.

@@ -1,4 +1,4 @@
-//! One tool in one body: what it does there depends on what it is.
+//! One part of a tool in one body: what it does there depends on what it is.
 
 use super::blade_contact::BladeContact;
 use crate::body::Body;
@@ -12,7 +12,7 @@ use crate::tool::{ToolPath, ToolShape};
 use crate::view::Touch;
 use serde::{Deserialize, Serialize};
 
-/// What one tool does in one body.
+/// What one part of a tool does in one body.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) enum ToolContact {
     /// Its edges cut.

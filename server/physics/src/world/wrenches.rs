@@ -8,7 +8,7 @@ use crate::step_io::{Grasp, StepOutput};
 
 /// Wrenches from the forces the solver applied, models about them; tool work and the springs' energies with them.
 pub(super) fn write(description: &Description, state: &mut State, scratch: &mut Scratch, output: &mut StepOutput) {
-    for index in 0..state.tools.len() {
+    for index in 0..output.tools.len() {
         write_of_tool(index, description, state, scratch, output);
     }
     if let Some(tissue) = &mut state.tissue {
@@ -23,16 +23,19 @@ fn write_of_tool(
     scratch: &mut Scratch,
     output: &mut StepOutput,
 ) {
-    let (tool, shape, dt_s) = (&state.tools[index], &description.shapes[index], description.dt_s);
-    let contacts = || state.slots.iter().map(|slot| &slot.contacts[index]);
+    let (tool, dt_s) = (&state.tools[index], description.dt_s);
+    let of_part = |part: usize| state.slots.iter().map(move |slot| &slot.contacts[part]);
+    let contacts = || description.parts_of(index).flat_map(of_part);
     let mut sum = tool.pose.map(ContactSum::new);
-    for contact in contacts() {
-        scratch.ledger.tool_work_j += contact.work_j();
-        contact.acting().for_each(|c| sum.iter_mut().for_each(|sum| sum.push(c)));
-        if let Some(sum) = &mut sum {
-            contact.pressing().for_each(|c| sum.bound(c));
+    for part in description.parts_of(index) {
+        for contact in of_part(part) {
+            scratch.ledger.tool_work_j += contact.work_j();
+            contact.acting().for_each(|c| sum.iter_mut().for_each(|sum| sum.push(c)));
+            if let Some(sum) = &mut sum {
+                sum.bound(&description.parts[part].shape, contact.pressing());
+            }
+            contact.beside_fronts().for_each(|c| scratch.ledger.add(c, dt_s));
         }
-        contact.beside_fronts().for_each(|c| scratch.ledger.add(c, dt_s));
     }
     let output = &mut output.tools[index];
     (output.pose, output.opening) = (tool.pose, tool.opening);
@@ -45,7 +48,7 @@ fn write_of_tool(
     let about = sum.zip(tool.path()).zip(model.felt.as_ref());
     output.contact = about.map(|((sum, path), felt)| {
         let give = contact_model::give(|| contacts().flat_map(|contact| contact.pressing()));
-        sum.model((shape, &path), dt_s, felt, give)
+        sum.model(&path, dt_s, felt, give)
     });
     output.cutting_length_m = contacts().map(|contact| contact.cutting_length_m()).sum();
     let holds = contacts().any(|contact| contact.holds());
@@ -54,8 +57,8 @@ fn write_of_tool(
 
 /// What is held with more force than a grasper has slips out of it, all at once.
 pub(super) fn slip(description: &Description, state: &mut State, output: &mut StepOutput) {
-    for (index, (shape, output)) in description.shapes.iter().zip(&mut output.tools).enumerate() {
-        if output.grasp == Grasp::Holding && output.wrench.force_n.norm() > shape.max_hold_n() {
+    for (index, (part, output)) in description.parts.iter().zip(&mut output.tools).enumerate() {
+        if output.grasp == Grasp::Holding && output.wrench.force_n.norm() > part.shape.max_hold_n() {
             state.slots.iter_mut().for_each(|slot| slot.contacts[index].lift());
             output.grasp = Grasp::Slipped;
         }
