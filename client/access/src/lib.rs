@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use tonic::metadata::{Ascii, MetadataValue};
 use tonic::service::Interceptor;
 use tonic::service::interceptor::InterceptedService;
-use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
+use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 use tonic::{Request, Status};
 
 pub use making::make_session;
@@ -56,8 +56,8 @@ pub enum AccessError {
         /// What was given.
         server: String,
     },
-    /// The certificates are none.
-    #[error("ca_file: {message}")]
+    /// The certificates are none, or the key is.
+    #[error("certificates: {message}")]
     Certificates {
         /// What the transport says.
         message: String,
@@ -73,7 +73,7 @@ impl Access {
     pub fn endpoint(&self, server: &str) -> Result<Endpoint, AccessError> {
         let is_plain = server.starts_with("http://");
         let certificates = if is_plain { None } else { self.certificates()? };
-        endpoint(server, certificates.as_deref())
+        endpoint(server, certificates.as_deref(), None)
     }
 
     /// The certificates in its file, PEM.
@@ -103,11 +103,12 @@ impl Access {
 }
 
 /// Where a server is, given as a URL or as host:port, to be connected to. `https` asks for TLS, and so do certificates (PEM) of
-/// those who are trusted to sign the server's; without them those of the system are trusted.
+/// those who are trusted to sign the server's; without them those of the system are trusted. The server knows the client by
+/// `identity`, where it asks for one.
 ///
 /// # Errors
-/// It is no address, or the certificates are none.
-pub fn endpoint(server: &str, certificates: Option<&str>) -> Result<Endpoint, AccessError> {
+/// It is no address, or the certificates are none, or the key is.
+pub fn endpoint(server: &str, certificates: Option<&str>, identity: Option<Identity>) -> Result<Endpoint, AccessError> {
     let scheme = if certificates.is_some() { "https" } else { "http" };
     let url = if server.contains("://") { server.to_owned() } else { format!("{scheme}://{server}") };
     let is_secure = url.starts_with("https://");
@@ -118,6 +119,10 @@ pub fn endpoint(server: &str, certificates: Option<&str>) -> Result<Endpoint, Ac
     let tls = match certificates {
         None => ClientTlsConfig::new().with_native_roots(),
         Some(pem) => ClientTlsConfig::new().ca_certificate(Certificate::from_pem(pem)),
+    };
+    let tls = match identity {
+        None => tls,
+        Some(identity) => tls.identity(identity),
     };
     endpoint.tls_config(tls).map_err(|error| AccessError::Certificates { message: root_cause(&error) })
 }

@@ -1,5 +1,8 @@
+import { create } from "@bufbuild/protobuf";
+import { Box3 } from "three";
 import { expect, test } from "vitest";
-import { plate } from "../src/scene/tool-shapes";
+import { ToolSummarySchema } from "../src/gen/kerf/v1/types_pb";
+import { plate, toolShape } from "../src/scene/tool-shapes";
 
 test("a blade is as thick as it is stated, and folded as its edge is", () => {
   const edge = [[-0.02, 0, 0.01], [0, 0.002, -0.01], [0.02, 0, 0.01]] as const;
@@ -18,4 +21,16 @@ test("a blade is as thick as it is stated, and folded as its edge is", () => {
     expect(lowest[2]).toBeCloseTo(z, 6);
     expect(Math.max(...points.map((point) => point[1]))).toBeCloseTo(0.052, 6);
   }
+});
+
+test("a handle that touches is drawn where it is, and goes out of no tissue", () => {
+  const handle = { radiusM: 0.005, lengthM: 0.1 };
+  const blade = { widthM: 0.04, heightM: 0.03, handle };
+  const shape = toolShape(create(ToolSummarySchema, { kind: { case: "blade", value: blade } }).kind);
+  shape.setNeck(1);
+  const grip = shape.object.getObjectByName("grip");
+  const { min, max } = new Box3().setFromObject(grip!);
+  [min.x, min.y, max.x, max.y].forEach((at, i) => {
+    expect(at).toBeCloseTo([-0.005, 0.03, 0.005, 0.14][i], 4);
+  });
 });

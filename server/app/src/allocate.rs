@@ -13,7 +13,7 @@ use kerf_proto::agones::allocation::allocation_service_client::AllocationService
 use kerf_proto::agones::allocation::game_server_selector::GameServerState;
 use kerf_proto::agones::allocation::priority::{Order, Type};
 use kerf_proto::agones::allocation::{AllocationRequest, CounterSelector, GameServerSelector, Priority};
-use tonic::transport::{Certificate, ClientTlsConfig, Endpoint, Identity};
+use tonic::transport::{Endpoint, Identity};
 
 /// An allocator that cannot be reached is not waited for, and one that works on it answers within seconds.
 const TIMEOUT: Duration = Duration::from_secs(10);
@@ -98,22 +98,14 @@ fn request(args: &AllocateArgs) -> AllocationRequest {
 }
 
 fn endpoint(args: &AllocateArgs) -> Result<Endpoint> {
-    let endpoint =
-        Endpoint::from_shared(args.allocator.clone()).map_err(|_| anyhow!("{} is not an address", args.allocator))?;
-    if !args.allocator.starts_with("https://") {
-        return Ok(endpoint);
-    }
-    let tls = match &args.ca_file {
-        None => ClientTlsConfig::new().with_native_roots(),
-        Some(path) => ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(path)?)),
+    let authority = args.ca_file.as_deref().map(read).transpose()?;
+    let identity = match (&args.certificate, &args.key) {
+        (Some(certificate), Some(key)) => Some(Identity::from_pem(read(certificate)?, read(key)?)),
+        _ => None,
     };
-    let tls = match (&args.certificate, &args.key) {
-        (Some(certificate), Some(key)) => tls.identity(Identity::from_pem(read(certificate)?, read(key)?)),
-        _ => tls,
-    };
-    endpoint.tls_config(tls).map_err(|error| anyhow!("certificates: {}", root_cause(&error)))
+    Ok(kerf_access::endpoint(&args.allocator, authority.as_deref(), identity)?)
 }
 
-fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).with_context(|| path.display().to_string())
+fn read(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).with_context(|| path.display().to_string())
 }

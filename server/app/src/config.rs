@@ -21,6 +21,16 @@ const ENV_FILE: &str = "KERF_CONFIG";
 const ENV_OF_CLIENTS: [&str; 5] =
     ["KERF_SERVER", "KERF_SERVER_PROGRAM", "KERF_CA_FILE", "KERF_TOKEN", "KERF_TOKEN_FILE"];
 
+/// The name of a setting, as `--set` takes it. One that there is not does not compile.
+macro_rules! setting {
+    ($first:ident $(.$rest:ident)*) => {{
+        const _: fn(&$crate::config::ServerConfig) = |config| _ = &config.$first$(.$rest)*;
+        concat!(stringify!($first) $(, ".", stringify!($rest))*)
+    }};
+}
+
+pub(crate) use setting;
+
 /// Where settings come from besides the defaults.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct ConfigArgs {
@@ -404,7 +414,7 @@ impl ServerConfig {
     /// # Errors
     /// The first field whose value makes no sense.
     pub fn validate(&self) -> Result<()> {
-        self.session.validate().context("session")?;
+        self.session.validate()?;
         let (transport, control, security) = (&self.transport, &self.control, &self.security);
         ensure!(
             security.certificate_file.is_some() == security.key_file.is_some(),

@@ -22,7 +22,7 @@ use tokio_rustls::server::TlsStream;
 use tokio_rustls::{Accept, TlsAcceptor};
 
 use crate::config::TransportLimits;
-use crate::traffic::Traffic;
+use crate::traffic::{Full, Traffic};
 
 /// Time to wait when a connection cannot be accepted: the process is out of file descriptors, and
 /// only the end of other connections helps.
@@ -137,8 +137,8 @@ async fn accept(listener: &TcpListener, places: &Arc<Places>) -> (TcpStream, Pla
                 // Closed at once where it is one too many: its peer's others go on.
                 let place = match places.take(host(address.ip())) {
                     Ok(place) => place,
-                    Err(limit) => {
-                        places.refuse(address.ip(), limit);
+                    Err(full) => {
+                        places.refuse(address.ip(), full);
                         continue;
                     }
                 };
@@ -189,28 +189,28 @@ impl Places {
 
     /// Counts a connection that was refused, and tells of it unless that was told a moment ago: nobody else can, as its peer
     /// sees an end without a word.
-    fn refuse(&self, peer: IpAddr, limit: &str) {
-        self.traffic.refused.add(1);
+    fn refuse(&self, peer: IpAddr, full: Full) {
+        self.traffic.refuse(full);
         let told = &mut self.lock().told;
         if told.is_none_or(|told| told.elapsed() > TELL) {
             *told = Some(Instant::now());
-            let refused = self.traffic.refused.get();
+            let (limit, refused) = (full.setting(), self.traffic.refused(full));
             tracing::warn!(%peer, limit, refused, "a connection was refused: as many as the limit says are open");
         }
     }
 
-    /// A place for another connection of a peer, or the limit that is in the way: it has as many as it may. Where all are
-    /// taken, the peer that has most gives up its newest, if it has more than this one will.
-    fn take(self: &Arc<Self>, peer: IpAddr) -> Result<Place, &'static str> {
+    /// A place for another connection of a peer, or why there is none. Where all are taken, the peer that has most gives up
+    /// its newest, if it has more than this one will.
+    fn take(self: &Arc<Self>, peer: IpAddr) -> Result<Place, Full> {
         let mut taken = self.lock();
         let count = |of: IpAddr| taken.connections.values().filter(|(peer, _)| *peer == of).count();
         let own = count(peer);
         if own >= self.max_of_peer {
-            return Err("transport.max_connections_per_peer");
+            return Err(Full::Address);
         }
         if taken.connections.len() >= self.max {
             let crowd = taken.connections.iter().map(|(id, (peer, _))| (count(*peer), *id));
-            let (_, newest) = crowd.max().filter(|(most, _)| *most > own + 1).ok_or("transport.max_connections")?;
+            let (_, newest) = crowd.max().filter(|(most, _)| *most > own + 1).ok_or(Full::Server)?;
             taken.connections.remove(&newest);
         }
         let (id, (connection, given_up)) = (taken.next_id, oneshot::channel());

@@ -4,6 +4,9 @@
 //! Services are thin: they turn messages into calls of `kerf-session` and back. Deliberately absent:
 //! physics, pacing, queues of state.
 
+/// The version of the program.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
 mod agones;
 pub mod allocate;
 mod book;

@@ -86,6 +86,8 @@ fn serve(recording: Recording, args: &ReplayArgs) -> Result<()> {
     // The recording takes the only place: nothing else is created here, and nothing recorded.
     config.session.max_sessions = 1;
     config.record_dir = None;
+    // It does not end by itself.
+    config.session.drain_s = 0.0;
     let replay = Replay {
         scene: scene(recording.header())?,
         objects: object_stats(recording.header()),

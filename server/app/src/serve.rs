@@ -11,6 +11,7 @@ use kerf_proto::v1::session_service_server::{SERVICE_NAME as SESSION_SERVICE, Se
 use kerf_proto::v1::view_service_server::{SERVICE_NAME as VIEW_SERVICE, ViewServiceServer};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::Registry;
+use kerf_session::clock::MonotonicClock;
 use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::oneshot;
@@ -45,6 +46,8 @@ const MEMORY_SHARE: f64 = 0.5;
 /// Calls of a connection that were cancelled before the server came to look at them; with one more it ends, and all its
 /// streams. Each takes some hundred bytes. The library's 20 are fewer than a busy client cancels at once.
 const MAX_CANCELLED_CALLS: usize = 1024;
+/// How often a server that drains looks whether it has sessions.
+const DRAIN_LOOK: Duration = Duration::from_millis(100);
 /// How often sessions are looked for that nobody has to do with.
 const IDLE_LOOK: Duration = Duration::from_secs(5);
 
@@ -59,7 +62,8 @@ pub struct ServeArgs {
     pub print_config: bool,
 }
 
-/// Serves until SIGTERM or SIGINT, then ends sessions and streams.
+/// Serves until SIGTERM or SIGINT, lets sessions end for as long as the limit says, then ends them and their streams. A second
+/// signal ends them at once.
 ///
 /// # Errors
 /// The configuration is not valid, the address is taken, or the transport failed.
@@ -86,6 +90,10 @@ pub(crate) fn serve_until_told(config: ServerConfig, first: impl AsyncFnOnce(&Se
             requested = shutdown::requested() => requested?,
             ended = server.ended() => ended.context("the transport ended by itself")?,
         }
+        tokio::select! {
+            again = shutdown::requested() => again?,
+            () = server.drain() => {}
+        }
         server.stop().await;
         Ok(())
     })
@@ -99,6 +107,8 @@ pub struct Server {
     config: Arc<ServerConfig>,
     recordings: Arc<Recordings>,
     journals: Arc<Journals>,
+    /// What brings sessions back that the server before it had.
+    coming_back: JoinHandle<()>,
     /// What looks after sessions.
     keepers: Vec<JoinHandle<()>>,
     /// `None`: it is of no fleet.
@@ -171,7 +181,7 @@ impl Server {
         };
         let records = (Arc::clone(&recordings), Arc::clone(&journals));
         let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config), records));
-        let mut keepers = vec![coming_back, idle, tokio::spawn(watchdog::watch(Arc::clone(&registry), health.clone()))];
+        let mut keepers = vec![idle, tokio::spawn(watchdog::watch(Arc::clone(&registry), health.clone()))];
         if config.traces.endpoint.is_some() {
             keepers.push(tokio::spawn(late_steps::watch(Arc::clone(&registry))));
         }
@@ -183,6 +193,7 @@ impl Server {
             config,
             recordings,
             journals,
+            coming_back,
             keepers,
             fleet,
             metrics,
@@ -222,19 +233,52 @@ impl Server {
         Ok(())
     }
 
+    /// Takes no new sessions and waits until those that there are have ended, for as long as the limit says.
+    pub async fn drain(&self) {
+        let limit_s = self.config.session.drain_s;
+        if limit_s == 0.0 {
+            return;
+        }
+        self.take_no_more().await;
+        let sessions = || self.registry.list().len();
+        tracing::info!(
+            sessions = sessions(),
+            limit_s,
+            "draining: no session begins, and those that run have so long to end"
+        );
+        // The journal of one that was closed is removed only after it, and would stay if the server stopped before.
+        let journals = || self.journals.health().lag(MonotonicClock::now_ns()).journals;
+        let ended = async {
+            while sessions() > 0 || journals() > 0 {
+                tokio::time::sleep(DRAIN_LOOK).await;
+            }
+        };
+        if tokio::time::timeout(Duration::from_secs_f64(limit_s), ended).await.is_err() {
+            tracing::warn!(sessions = sessions(), limit_s, "sessions still run when session.drain_s is over");
+        }
+    }
+
+    /// Begins no more sessions, and says so to health checks.
+    async fn take_no_more(&self) {
+        // What is not back yet the next server brings back.
+        self.coming_back.abort();
+        for service in ["", SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE] {
+            self.health.set_service_status(service, ServingStatus::NotServing).await;
+        }
+        self.registry.refuse_new();
+    }
+
     /// Accepts nothing new, ends all sessions and with them their streams, and waits for clients to
     /// take what they were sent, for as long as the limit says. Where sessions have journals connections are cut first.
     pub async fn stop(mut self) -> Drained {
         self.keepers.iter().for_each(JoinHandle::abort);
-        for service in ["", SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE, SESSIONS] {
-            self.health.set_service_status(service, ServingStatus::NotServing).await;
-        }
-        self.registry.refuse_new();
+        self.take_no_more().await;
+        self.health.set_service_status(SESSIONS, ServingStatus::NotServing).await;
         self.journals.stop();
         // The transport is told by the sender's end as well; either way it accepts no more.
         drop(self.stop);
         let drain = async {
-            if self.journals.is_on() {
+            if self.journals.is_on() && !self.registry.list().is_empty() {
                 // Sessions that come back do not end for their clients.
                 self.cut.all().await;
             }

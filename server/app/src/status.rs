@@ -14,6 +14,8 @@ use kerf_session::player::SPEEDS;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};
 
+use crate::config::setting;
+
 /// Why a call was refused or a stream ended.
 #[derive(Debug, thiserror::Error)]
 pub enum RequestError {
@@ -24,20 +26,35 @@ pub enum RequestError {
     #[error("{}", .0.message())]
     Transport(Box<Status>),
     /// The client speaks another version.
-    #[error("protocol_version {theirs}: this server speaks {}", kerf_proto::PROTOCOL_VERSION)]
+    #[error("{field} = {theirs}: must be {}, which this server speaks", kerf_proto::PROTOCOL_VERSION)]
     ProtocolVersion {
+        /// The field.
+        field: &'static str,
         /// The client's.
         theirs: u32,
     },
     /// A control stream began with something else.
-    #[error("the first message of a control stream must be a ClientHello, within {limit_s} s (hello_timeout_s)")]
+    #[error(
+        "hello: must be the first message of a control stream, within {limit_s} s ({})",
+        setting!(control.hello_timeout_s)
+    )]
     HelloMissing {
-        /// `hello_timeout_s`.
+        /// `control.hello_timeout_s`.
         limit_s: f64,
     },
     /// A second hello.
-    #[error("a ClientHello may only be the first message of a control stream")]
+    #[error("hello: must be the first message of a control stream, and no other")]
     HelloRepeated,
+    /// A hello for a tool that is not in the scene.
+    #[error("hello.tool_ids[{place}] = {tool}: must be less than {tools}, the scene's number of tools")]
+    HelloTool {
+        /// Its place among those asked for.
+        place: usize,
+        /// The index asked for.
+        tool: u32,
+        /// Tools of the scene.
+        tools: usize,
+    },
     /// A required field is absent.
     #[error("{field}: is required")]
     Missing {
@@ -87,9 +104,9 @@ pub enum RequestError {
         limit: String,
     },
     /// Nothing was heard of a control stream.
-    #[error("nothing was heard for {limit_s} s (idle_timeout_s)")]
+    #[error("nothing was heard for {limit_s} s ({})", setting!(control.idle_timeout_s))]
     Idle {
-        /// `idle_timeout_s`.
+        /// `control.idle_timeout_s`.
         limit_s: f64,
     },
     /// A unary driver's lease is not known.
@@ -106,35 +123,43 @@ pub enum RequestError {
     NoViewer,
     /// An upload that is not, or not any more.
     #[error(
-        "upload_id: there is none of this name; it has been used, was not heard of for {limit_s} s (request_timeout_s), \
-         was too large, or gave way to another (max_uploads): send the files anew"
+        "upload_id: there is none of this name; it has been used, was not heard of for {limit_s} s ({}), \
+         was too large, or gave way to another ({}): send the files anew",
+        setting!(transport.request_timeout_s),
+        setting!(transport.max_uploads)
     )]
     NoUpload {
-        /// `request_timeout_s`.
+        /// `transport.request_timeout_s`.
         limit_s: f64,
     },
     /// Too many drivers that send one pose a call.
-    #[error("{limit} clients send poses one call at a time, as many as may (max_unary_drivers)")]
+    #[error("{limit} clients send poses one call at a time, as many as may ({})", setting!(control.max_unary_drivers))]
     TooManyUnaryDrivers {
-        /// `max_unary_drivers`.
+        /// `control.max_unary_drivers`.
         limit: usize,
     },
     /// A large message that others need the place of, or that finds none.
-    #[error("as many large messages are read and answered as may, {limit} (max_large_requests): this one gives way")]
+    #[error(
+        "as many large messages are read and answered as may, {limit} ({}): this one gives way",
+        setting!(transport.max_large_requests)
+    )]
     TooManyLargeMessages {
-        /// `max_large_requests`.
+        /// `transport.max_large_requests`.
         limit: usize,
     },
     /// A message that is too large to be read.
-    #[error("the message has more than {limit} bytes (max_request_bytes); a scene's files may be sent in parts")]
+    #[error(
+        "the message has more than {limit} bytes ({}); a scene's files may be sent in parts",
+        setting!(transport.max_request_bytes)
+    )]
     LargeMessage {
-        /// `max_request_bytes`.
+        /// `transport.max_request_bytes`.
         limit: usize,
     },
     /// A message that took too long to come.
-    #[error("the message was not whole within {limit_s} s (request_timeout_s)")]
+    #[error("the message was not whole within {limit_s} s ({})", setting!(transport.request_timeout_s))]
     UnreadInTime {
-        /// `request_timeout_s`.
+        /// `transport.request_timeout_s`.
         limit_s: f64,
     },
     /// A message that broke off.
@@ -166,16 +191,20 @@ pub enum RequestError {
     /// A call without a token.
     #[error(
         "this server takes no call without a token, sent as `authorization: Bearer TOKEN`; `kerf-server token new` makes \
-         one (security.token_file)"
+         one ({})",
+        setting!(security.token_file)
     )]
     TokenMissing,
     /// A call with a token that is none.
-    #[error("the token is not known, or has expired (security.token_file)")]
+    #[error("the token is not known, or has expired ({})", setting!(security.token_file))]
     TokenUnknown,
     /// More wrong tokens than may be.
-    #[error("more than {limit} wrong tokens came from this address within a minute (max_wrong_tokens_per_minute)")]
+    #[error(
+        "more than {limit} wrong tokens came from this address within a minute ({})",
+        setting!(security.max_wrong_tokens_per_minute)
+    )]
     TooManyWrongTokens {
-        /// `max_wrong_tokens_per_minute`.
+        /// `security.max_wrong_tokens_per_minute`.
         limit: u32,
     },
     /// A token that is not good for this.
@@ -209,20 +238,23 @@ pub enum RequestError {
     #[error("this server asks for no tokens: whoever has the session's address can view it")]
     NoGuests,
     /// More guests than may be.
-    #[error("{limit} links for viewers are good, as many as may be (max_guests)")]
+    #[error("{limit} links for viewers are good, as many as may be ({})", setting!(security.max_guests))]
     TooManyGuests {
-        /// `max_guests`.
+        /// `security.max_guests`.
         limit: usize,
     },
     /// The system gives no random numbers.
     #[error("the system gives no random numbers")]
     NoRandomNumbers,
     /// More sessions of a token than may be.
-    #[error("the token of {name:?} has {limit} sessions, as many as one may (max_sessions_per_token)")]
+    #[error(
+        "the token of {name:?} has {limit} sessions, as many as one may ({})",
+        setting!(security.max_sessions_per_token)
+    )]
     TooManySessionsOfToken {
         /// Whose it is.
         name: String,
-        /// `max_sessions_per_token`.
+        /// `security.max_sessions_per_token`.
         limit: usize,
     },
     /// An object that is not in the scene.
@@ -235,14 +267,15 @@ pub enum RequestError {
     },
     /// More voxels than are told.
     #[error(
-        "object = {object}: it has {voxels} voxels, and the inside of {limit} at most is told (max_interior_voxels)"
+        "object = {object}: it has {voxels} voxels, and the inside of {limit} at most is told ({})",
+        setting!(view.max_interior_voxels)
     )]
     TooManyVoxels {
         /// Its index.
         object: u32,
         /// Its voxels.
         voxels: u32,
-        /// `max_interior_voxels`.
+        /// `view.max_interior_voxels`.
         limit: u32,
     },
     /// No scene of this name.
@@ -317,16 +350,17 @@ pub enum RequestError {
     },
     /// What is sent in parts is too large.
     #[error(
-        "data: more than {limit} bytes, the most that a file of a checkpoint or those of a scene have (max_upload_bytes)"
+        "data: more than {limit} bytes, the most that a file of a checkpoint or those of a scene have ({})",
+        setting!(transport.max_upload_bytes)
     )]
     UploadSize {
-        /// `max_upload_bytes`.
+        /// `transport.max_upload_bytes`.
         limit: usize,
     },
     /// What is sent in parts, and others need the place of, or finds none.
-    #[error("as many files are on their way as may, {limit} (max_uploads): this one gives way")]
+    #[error("as many files are on their way as may, {limit} ({}): this one gives way", setting!(transport.max_uploads))]
     TooManyUploads {
-        /// `max_uploads`.
+        /// `transport.max_uploads`.
         limit: usize,
     },
     /// An address that a session cannot move to.
@@ -361,9 +395,9 @@ pub enum RequestError {
     #[error("the checkpoint's file could not be made or read; the server's log says why")]
     CheckpointWork,
     /// The session did not answer in time.
-    #[error("the session did not answer within {limit_s} s (request_timeout_s)")]
+    #[error("the session did not answer within {limit_s} s ({})", setting!(transport.request_timeout_s))]
     Unresponsive {
-        /// `request_timeout_s`.
+        /// `transport.request_timeout_s`.
         limit_s: f64,
     },
 }
@@ -372,6 +406,25 @@ impl RequestError {
     /// The same, said of one session among several.
     pub fn of_session(self, index: usize) -> Self {
         Self::OfSession { index, error: Box::new(self) }
+    }
+
+    /// The setting that was in the way, by the name that `--set` takes.
+    pub fn setting(&self) -> Option<&'static str> {
+        Some(match self {
+            Self::Session(error) => return error.setting(),
+            Self::OfSession { error, .. } => return error.setting(),
+            Self::TooManyWrongTokens { .. } => setting!(security.max_wrong_tokens_per_minute),
+            Self::TooManySessionsOfToken { .. } => setting!(security.max_sessions_per_token),
+            Self::TooManyGuests { .. } => setting!(security.max_guests),
+            Self::TooManyUnaryDrivers { .. } => setting!(control.max_unary_drivers),
+            Self::HelloMissing { .. } => setting!(control.hello_timeout_s),
+            Self::TooManyLargeMessages { .. } => setting!(transport.max_large_requests),
+            Self::LargeMessage { .. } => setting!(transport.max_request_bytes),
+            Self::TooManyUploads { .. } => setting!(transport.max_uploads),
+            Self::UploadSize { .. } => setting!(transport.max_upload_bytes),
+            Self::UnreadInTime { .. } | Self::Unresponsive { .. } => setting!(transport.request_timeout_s),
+            _ => return None,
+        })
     }
 
     fn code(&self) -> Code {
@@ -423,7 +476,7 @@ impl RequestError {
             | Self::Role { .. }
             | Self::NotOwner { .. }
             | Self::OfOneSession { .. } => Code::PermissionDenied,
-            Self::NoScene { .. } | Self::NoViewer | Self::NoUpload { .. } => Code::NotFound,
+            Self::NoScene { .. } | Self::NoViewer | Self::NoUpload { .. } | Self::HelloTool { .. } => Code::NotFound,
         }
     }
 }
@@ -458,7 +511,7 @@ pub(crate) fn session_code(error: &SessionError) -> Code {
         | SessionError::PointName { .. } => Code::InvalidArgument,
         SessionError::Dial(_) => Code::FailedPrecondition,
         SessionError::StepsEnded { .. } => Code::Aborted,
-        SessionError::Draining => Code::Unavailable,
+        SessionError::Draining { .. } => Code::Unavailable,
     }
 }
 
@@ -496,11 +549,16 @@ impl RequestError {
         let code = self.code();
         // Clients' own texts are in some of them.
         let message = shortened(&escaped(&self.to_string()), MAX_MESSAGE_BYTES);
-        let details = match code {
-            // Messages begin with the path of the field, where one is at fault, and name the limit in parentheses.
-            Code::InvalidArgument => ErrorDetails::with_bad_request_violation(field(&message), &message),
-            Code::ResourceExhausted => ErrorDetails::with_quota_failure_violation(limit(&message), &message),
-            _ => return Status::new(code, message),
+        // Messages begin with the path of the field, where one is at fault.
+        let details = match (code, field(&message)) {
+            (Code::ResourceExhausted, _) => {
+                // Clients know a limit by its name in its section.
+                let limit = self.setting().map_or("", in_section);
+                ErrorDetails::with_quota_failure_violation(limit, &message)
+            }
+            (Code::InvalidArgument, field) => ErrorDetails::with_bad_request_violation(field, &message),
+            (_, "") => return Status::new(code, message),
+            (_, field) => ErrorDetails::with_bad_request_violation(field, &message),
         };
         Status::with_error_details(code, message, details)
     }
@@ -537,16 +595,14 @@ fn field(message: &str) -> &str {
     let is_path = |c: char| c.is_ascii_alphanumeric() || "_.[]".contains(c);
     let path = &message[..message.find(|c| !is_path(c)).unwrap_or(message.len())];
     let follows = &message[path.len()..];
-    if follows.starts_with(':') || follows.starts_with(" = ") { path } else { "" }
+    // An address goes on in another way.
+    let is_field = follows.starts_with(" = ") || follows.starts_with(':') && !follows.starts_with("://");
+    if is_field { path } else { "" }
 }
 
-/// The setting that a message names, as in `(max_sessions)`; else nothing.
-fn limit(message: &str) -> &str {
-    let named = message.rsplit_once("(max_").and_then(|(before, after)| {
-        let end = before.len() + 1 + "max_".len() + after.find(')')?;
-        message.get(before.len() + 1..end)
-    });
-    named.unwrap_or_default()
+/// A setting by its name in its section.
+pub fn in_section(setting: &str) -> &str {
+    setting.rsplit_once('.').map_or(setting, |(_, name)| name)
 }
 
 #[cfg(test)]
@@ -560,7 +616,16 @@ mod tests {
         };
         assert_eq!(violation(RequestError::Missing { field: "scene" }), "scene");
         assert_eq!(violation(RequestError::Rate { field: "rate_hz", value: -1.0 }), "rate_hz");
-        assert_eq!(violation(RequestError::HelloRepeated), "");
+        assert_eq!(violation(RequestError::HelloRepeated), "hello");
+        let version = RequestError::ProtocolVersion { field: "hello.protocol_version", theirs: 2 };
+        assert_eq!(violation(version), "hello.protocol_version");
+    }
+
+    #[test]
+    fn what_is_no_path_of_a_field_is_not_told_as_one() {
+        let to = "https://b.example:50051".to_owned();
+        let status = Status::from(RequestError::NotTaken { to, message: "it is full".into() });
+        assert!(status.get_details_bad_request().is_none(), "{status:?}");
     }
 
     #[test]
@@ -580,7 +645,7 @@ mod tests {
     fn a_full_server_is_told_from_a_bad_request() {
         let status = Status::from(RequestError::from(SessionError::TooManySessions { limit: 3 }));
         assert_eq!(status.code(), Code::ResourceExhausted);
-        assert!(status.message().contains("max_sessions"));
+        assert!(status.message().ends_with("(session.max_sessions)"), "{status}");
         let quota = status.get_details_quota_failure().unwrap();
         assert_eq!(quota.violations[0].subject, "max_sessions");
         let taken = SessionError::ToolTaken { tool: 0, lease_s: 2.0 };

@@ -4,6 +4,7 @@ mod agones;
 mod checkpoint_files;
 mod cli;
 mod door;
+mod drained;
 mod first_start;
 mod hepatectomy;
 mod journal;

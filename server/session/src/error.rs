@@ -4,28 +4,30 @@ use kerf_physics::SceneProblems;
 
 use kerf_scenes::dial::DialError;
 
+use crate::limits::setting;
 use crate::pose_refusal::PoseRefusal;
 
 /// A request that a session or the registry could not serve.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum SessionError {
     /// The server holds as many sessions as it may.
-    #[error("the server runs {limit} sessions, as many as it may (max_sessions)")]
+    #[error("the server runs {limit} sessions, as many as it may ({})", setting!(max_sessions))]
     TooManySessions {
-        /// `max_sessions`.
+        /// `session.max_sessions`.
         limit: usize,
     },
     /// The scene, or a checkpoint, needs more memory than is left.
     #[error(
         "memory: about {needed_mib} MiB are needed, and of the {limit_mib} MiB that sessions may take together \
-         {taken_mib} are taken (max_memory_mib)"
+         {taken_mib} are taken ({})",
+        setting!(max_memory_mib)
     )]
     Memory {
         /// What it needs, as it is estimated.
         needed_mib: u64,
         /// What others have.
         taken_mib: u64,
-        /// `max_memory_mib`.
+        /// `session.max_memory_mib`.
         limit_mib: u64,
     },
     /// What a journal says of a session does not lead to where it stood.
@@ -37,9 +39,10 @@ pub enum SessionError {
     /// The scene needs more time of the cores than is left.
     #[error(
         "load: steps of the scene keep about {needed:.2} cores busy, and of the {limit:.2} that sessions may keep busy \
-         together {taken:.2} are taken (max_load): {measured:.2} by steps of the last second, the others for sessions that \
+         together {taken:.2} are taken ({}): {measured:.2} by steps of the last second, the others for sessions that \
          may begin to cut; lower the step rate or raise the level, or let the client take the steps: a \
-         session that is made paused and stepped takes none"
+         session that is made paused and stepped takes none",
+        setting!(max_load)
     )]
     Load {
         /// What it needs, as it is estimated.
@@ -48,39 +51,45 @@ pub enum SessionError {
         taken: f64,
         /// What their steps took in the last second.
         measured: f64,
-        /// `max_load`.
+        /// `session.max_load`.
         limit: f64,
     },
     /// The scene takes too long to be built.
-    #[error("set-up: the scene takes about {needed_s:.0} s to be built, at most {limit_s:.0} s (max_setup_s)")]
+    #[error(
+        "set-up: the scene takes about {needed_s:.0} s to be built, at most {limit_s:.0} s ({})",
+        setting!(max_setup_s)
+    )]
     SetupTime {
         /// What it takes, as it is estimated, s.
         needed_s: f64,
-        /// `max_setup_s`.
+        /// `session.max_setup_s`.
         limit_s: f64,
     },
     /// The session has as many drivers as it may.
-    #[error("the session has {limit} drivers, as many as it may (max_drivers)")]
+    #[error("the session has {limit} drivers, as many as it may ({})", setting!(max_drivers))]
     TooManyDrivers {
-        /// `max_drivers`.
+        /// `session.max_drivers`.
         limit: usize,
     },
     /// The session has as many viewers as it may.
-    #[error("the session has {limit} viewers, as many as it may (max_viewers)")]
+    #[error("the session has {limit} viewers, as many as it may ({})", setting!(max_viewers))]
     TooManyViewers {
-        /// `max_viewers`.
+        /// `session.max_viewers`.
         limit: usize,
     },
     /// The command queue is full.
-    #[error("{limit} commands wait for the session's next tick, as many as may (max_commands)")]
+    #[error("{limit} commands wait for the session's next tick, as many as may ({})", setting!(max_commands))]
     TooManyCommands {
-        /// `max_commands`.
+        /// `session.max_commands`.
         limit: usize,
     },
     /// The session keeps as many checkpoints as it may.
-    #[error("the session keeps {limit} checkpoints, as many as it may (max_checkpoints); delete one, or save over one")]
+    #[error(
+        "the session keeps {limit} checkpoints, as many as it may ({}); delete one, or save over one",
+        setting!(max_checkpoints)
+    )]
     TooManyCheckpoints {
-        /// `max_checkpoints`.
+        /// `session.max_checkpoints`.
         limit: usize,
     },
     /// A name that no checkpoint may have.
@@ -127,11 +136,11 @@ pub enum SessionError {
         id: String,
     },
     /// The scene asks for a step rate that the server does not grant.
-    #[error("rate_hz = {rate_hz}: must be 1 to {limit_hz} (max_rate_hz)")]
+    #[error("rate_hz = {rate_hz}: must be 1 to {limit_hz} ({})", setting!(max_rate_hz))]
     Rate {
         /// The scene's rate, Hz.
         rate_hz: f64,
-        /// `max_rate_hz`.
+        /// `session.max_rate_hz`.
         limit_hz: f64,
     },
     /// The scene has no such tool.
@@ -147,7 +156,7 @@ pub enum SessionError {
     ToolTaken {
         /// The tool asked for.
         tool: usize,
-        /// `lease_s`.
+        /// `session.lease_s`.
         lease_s: f64,
     },
     /// The session is a recording that is played.
@@ -176,8 +185,14 @@ pub enum SessionError {
     #[error("the session is closed")]
     Closed,
     /// The server takes no new sessions because it is going down.
-    #[error("the server is shutting down")]
-    Draining,
+    #[error(
+        "the server is stopping and takes no new sessions; those that run have {limit_s} s to end ({})",
+        setting!(drain_s)
+    )]
+    Draining {
+        /// `session.drain_s`.
+        limit_s: f64,
+    },
     /// A step panicked; the session waits for a reset or its end.
     #[error("the session failed and waits for a reset: {message}")]
     Failed {
@@ -199,6 +214,22 @@ pub enum SessionError {
 }
 
 impl SessionError {
+    /// The setting that was in the way, by the name that `--set` takes.
+    #[must_use]
+    pub fn setting(&self) -> Option<&'static str> {
+        Some(match self {
+            Self::TooManySessions { .. } => setting!(max_sessions),
+            Self::Memory { .. } => setting!(max_memory_mib),
+            Self::Load { .. } => setting!(max_load),
+            Self::SetupTime { .. } => setting!(max_setup_s),
+            Self::TooManyDrivers { .. } => setting!(max_drivers),
+            Self::TooManyViewers { .. } => setting!(max_viewers),
+            Self::TooManyCommands { .. } => setting!(max_commands),
+            Self::TooManyCheckpoints { .. } => setting!(max_checkpoints),
+            _ => return None,
+        })
+    }
+
     /// Motion `place` of input `index` was refused.
     pub(crate) fn refused_input(index: usize, place: usize, is_pose: bool, refusal: &PoseRefusal) -> Self {
         let motion = if is_pose { "pose" } else { "lift" };

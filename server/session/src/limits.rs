@@ -3,6 +3,16 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// The name of a limit of sessions, as `--set` takes it. One that there is not does not compile.
+macro_rules! setting {
+    ($limit:ident) => {{
+        const _: fn(&$crate::limits::SessionLimits) = |limits| _ = &limits.$limit;
+        concat!("session.", stringify!($limit))
+    }};
+}
+
+pub(crate) use setting;
+
 /// Limits of sessions and of what they queue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -19,6 +29,9 @@ pub struct SessionLimits {
     pub max_load: Option<f64>,
     /// Time that a scene may take to be built, as it is estimated, s. Default 60: nobody waits longer.
     pub max_setup_s: f64,
+    /// How long sessions have to end by themselves when the server is told to stop, s: none begins meanwhile. Default 0:
+    /// they end at once. An orchestrator has to wait for as long, and for what `transport.drain_timeout_s` says.
+    pub drain_s: f64,
     /// Scenes that are read and built at a time; others wait. Default 2: each takes a core from the sessions.
     pub max_builds: usize,
     /// A session that nobody drives, views or calls by its id for this long is closed, s. Default 300: longer than
@@ -74,6 +87,7 @@ impl Default for SessionLimits {
             max_memory_mib: None,
             max_load: None,
             max_setup_s: 60.0,
+            drain_s: 0.0,
             max_builds: 2,
             idle_timeout_s: 300.0,
             threads_per_session: 1,
@@ -144,9 +158,9 @@ impl Default for PoseLimits {
 
 /// A limit whose value makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{field} = {value}: must be {must_be}")]
+#[error("session.{field} = {value}: must be {must_be}")]
 pub struct LimitError {
-    /// The limit's name.
+    /// The limit's name in its section.
     pub field: &'static str,
     /// Its value.
     pub value: f64,
@@ -199,6 +213,10 @@ impl SessionLimits {
                 value: pose.quaternion_norm_tolerance,
                 must_be: "less than 1, or the zero quaternion would pass",
             }),
+            // Also keeps it within what the runtime can represent.
+            None if !(0.0..=1e9).contains(&self.drain_s) => {
+                Err(LimitError { field: "drain_s", value: self.drain_s, must_be: "0 to 1e9" })
+            }
             None => Ok(()),
         }
     }
@@ -221,10 +239,15 @@ mod tests {
     #[test]
     fn a_limit_that_makes_no_sense_is_named() {
         let mut limits = SessionLimits { lease_s: f64::NAN, ..SessionLimits::default() };
-        assert_eq!(limits.validate().map_err(|e| e.field), Err("lease_s"));
+        assert_eq!(
+            limits.validate().unwrap_err().to_string(),
+            "session.lease_s = NaN: must be finite and greater than 0"
+        );
         limits.lease_s = 2.0;
         limits.pose.quaternion_norm_tolerance = 1.0;
         assert_eq!(limits.validate().map_err(|e| e.field), Err("pose.quaternion_norm_tolerance"));
+        let limits = SessionLimits { drain_s: -1.0, ..SessionLimits::default() };
+        assert_eq!(limits.validate().map_err(|e| e.field), Err("drain_s"));
     }
 
     #[test]

@@ -157,11 +157,11 @@ impl Registry {
         options: SessionOptions,
     ) -> Result<Arc<Session>, E> {
         let slot = Arc::clone(&self.permits).try_acquire_owned().map_err(|_| match self.permits.is_closed() {
-            true => SessionError::Draining,
+            true => self.draining(),
             false => SessionError::TooManySessions { limit: self.limits.max_sessions },
         })?;
         // A caller who gives up while others are built has cost nothing.
-        let build = Arc::clone(&self.builds).acquire_owned().await.map_err(|_| SessionError::Draining)?;
+        let build = Arc::clone(&self.builds).acquire_owned().await.map_err(|_| self.draining())?;
         let permits = Permits { slot, build };
         let (limits, fronts, admission) =
             (self.limits.clone(), Arc::clone(&self.pareto_fronts), Arc::clone(&self.admission));
@@ -177,7 +177,7 @@ impl Registry {
         let mut sessions = lock(&self.sessions);
         if self.permits.is_closed() {
             // The server began to shut down while the scene was being built.
-            return Err(SessionError::Draining.into());
+            return Err(self.draining().into());
         }
         if sessions.contains_key(&id) {
             return Err(SessionError::Here { id: id.to_string() }.into());
@@ -188,6 +188,10 @@ impl Registry {
         tracing::info!(session = %id, scene = session.scene().desc.name, dial, "session created");
         session.warnings().iter().for_each(|warning| tracing::warn!(session = %id, "{warning}"));
         Ok(session)
+    }
+
+    fn draining(&self) -> SessionError {
+        SessionError::Draining { limit_s: self.limits.drain_s }
     }
 
     /// Plays a recording in the place of a session.

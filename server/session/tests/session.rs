@@ -348,7 +348,7 @@ async fn a_scene_with_a_rate_out_of_bounds_is_refused() {
 async fn a_server_that_shuts_down_creates_nothing_and_ends_everything() {
     let (registry, session) = session_with(limits()).await;
     registry.close_all().await;
-    assert!(matches!(registry.create(block(), SessionOptions::default()).await, Err(SessionError::Draining)));
+    assert!(matches!(registry.create(block(), SessionOptions::default()).await, Err(SessionError::Draining { .. })));
     assert_eq!(session.phase(), Phase::Closing);
     assert!(registry.list().is_empty());
 }

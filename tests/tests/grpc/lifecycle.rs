@@ -1,6 +1,6 @@
 //! Sessions and the server itself: beginning, end, and what others may ask of it.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kerf_physics::Stage;
 use kerf_proto::v1::{self, create_session_request, view_response};
@@ -30,6 +30,83 @@ async fn several_sessions_live_side_by_side_up_to_the_limit() {
     assert_eq!(listed.iter().map(|info| info.session_id.clone()).collect::<Vec<_>>(), ids);
     harness.sessions.close_session(v1::CloseSessionRequest { session_id: ids[1].clone() }).await.unwrap();
     assert!(harness.create().await.is_ok());
+}
+
+#[tokio::test]
+async fn a_server_that_drains_takes_no_sessions_and_goes_on_with_those_it_has_until_they_end() {
+    let mut harness = Harness::with(|config| config.session.drain_s = 600.0).await;
+    let session_id = harness.create().await.unwrap();
+    let mut health = HealthClient::new(harness.channel.clone());
+    let mut sessions = harness.sessions.clone();
+    let clients = async {
+        let check = HealthCheckRequest { service: String::new() };
+        while health.check(check.clone()).await.unwrap().into_inner().status() == ServingStatus::Serving {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        let sessions_hang = HealthCheckRequest { service: "kerf.sessions".into() };
+        assert_eq!(health.check(sessions_hang).await.unwrap().into_inner().status(), ServingStatus::Serving);
+        // The check may be ahead of the sessions by a moment; what began in it goes on as others do.
+        let refused = loop {
+            let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
+            match sessions.create_session(v1::CreateSessionRequest { scene, ..Default::default() }).await {
+                Ok(created) => {
+                    let session_id = created.into_inner().session.unwrap().session_id;
+                    sessions.close_session(v1::CloseSessionRequest { session_id }).await.unwrap();
+                }
+                Err(refused) => break refused,
+            }
+        };
+        assert_eq!(refused.code(), Code::Unavailable);
+        assert!(refused.message().contains("600 s to end (session.drain_s)"), "{refused}");
+        // Whoever comes back to a session finds it.
+        let mut station = harness.drive(&session_id, &[0]).await.unwrap();
+        station.send(pose(0, 1, 0.0)).await;
+        station.contact_where(|contact| contact.echo_seq == 1).await;
+        sessions.close_session(v1::CloseSessionRequest { session_id: session_id.clone() }).await.unwrap();
+    };
+    soon("the end of the drain", async { tokio::join!(harness.server.drain(), clients) }).await;
+    assert_eq!(harness.server.stop().await, Drained::Cleanly);
+}
+
+#[tokio::test]
+async fn a_session_that_is_closed_in_a_drain_leaves_no_journal_that_would_bring_it_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = Harness::with(|config| {
+        config.session.drain_s = 600.0;
+        config.journal_dir = Some(folder.path().into());
+    })
+    .await;
+    let session_id = harness.create().await.unwrap();
+    let mut sessions = harness.sessions.clone();
+    let closing =
+        tokio::spawn(async move { sessions.close_session(v1::CloseSessionRequest { session_id }).await.map(drop) });
+    // It is not among the sessions any more, and its journal is still being ended.
+    soon("the session's end", async {
+        while !harness.server.registry().list().is_empty() {
+            tokio::task::yield_now().await;
+        }
+    })
+    .await;
+    soon("the end of the drain", harness.server.drain()).await;
+    assert_eq!(harness.server.stop().await, Drained::Cleanly);
+    closing.await.unwrap().expect("the answer comes before the server's end");
+    let names = folder.path().read_dir().unwrap().map(|entry| entry.unwrap().path());
+    let journals: Vec<_> = names.filter(|path| path.extension().is_some_and(|extension| extension == "mcap")).collect();
+    assert!(journals.is_empty(), "{journals:?}");
+}
+
+#[tokio::test]
+async fn a_drain_ends_when_its_time_is_over_and_without_one_at_once() {
+    let mut harness = Harness::with(|config| config.session.drain_s = 0.3).await;
+    harness.create().await.unwrap();
+    let began = Instant::now();
+    soon("the end of the drain", harness.server.drain()).await;
+    assert!(began.elapsed() >= Duration::from_millis(300), "{:?}", began.elapsed());
+    assert_eq!(harness.server.registry().list().len(), 1, "it ends with the server alone");
+    let mut harness = Harness::start().await;
+    harness.create().await.unwrap();
+    harness.server.drain().await;
+    assert!(harness.create().await.is_ok(), "nothing drains unless it is asked for");
 }
 
 #[tokio::test]

@@ -9,6 +9,8 @@ use kerf_physics::{Scene, SceneDesc};
 use kerf_proto::v1;
 use kerf_server::config::ServerConfig;
 use kerf_session::{Owner, SessionOptions};
+use tokio::io::AsyncReadExt as _;
+use tokio::net::TcpStream;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
@@ -109,6 +111,32 @@ async fn a_refusal_is_counted_by_the_limit_that_was_in_the_way() {
     let refused = scrape(&harness).await;
     for reason in ["max_sessions", "not_found", "no_such_call"] {
         assert_eq!(refused.value(&format!("kerf_refused_requests_total{{reason=\"{reason}\"}}")), 1.0, "{reason}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_refused_connection_is_counted_by_the_limit_that_was_in_the_way() {
+    let limits = ["max_connections_per_peer", "max_connections"];
+    for limit in limits {
+        let harness = Harness::with(|config| {
+            with_metrics(config);
+            match limit {
+                "max_connections" => config.transport.max_connections = 2,
+                _ => config.transport.max_connections_per_peer = 2,
+            }
+        })
+        .await;
+        // With that of the harness one more than may be.
+        let _open = TcpStream::connect(harness.server.address()).await.unwrap();
+        let mut last = TcpStream::connect(harness.server.address()).await.unwrap();
+        // Closed, if not reset.
+        let end = soon("the end of the last", last.read(&mut [0])).await;
+        assert!(matches!(end, Ok(0) | Err(_)), "{end:?}");
+        let scraped = scrape(&harness).await;
+        for reason in limits {
+            let series = format!("kerf_refused_connections_total{{reason=\"{reason}\"}}");
+            assert_eq!(scraped.value(&series), f64::from(u8::from(reason == limit)), "{reason} at {limit} = 2");
+        }
     }
 }
 

@@ -60,28 +60,43 @@ function unknown(): ToolShape {
   return { object: new Group(), sizeM: 0.01, neck, ...WITHOUT_JAWS, setNeck() {} };
 }
 
-function blade({ widthM, heightM, thicknessM, edgeM }: BladeSummary): ToolShape {
+function blade({ widthM, heightM, thicknessM, edgeM, handle }: BladeSummary): ToolShape {
   const points: Point[] = [];
   for (let i = 0; i < edgeM.length; i += 3) points.push([edgeM[i], edgeM[i + 1], edgeM[i + 2]]);
   if (points.length < 2) points.push([-widthM / 2, 0, 0], [widthM / 2, 0, 0]);
   const spineM = topOf(points, heightM);
+  const object = new Group();
+  object.add(steel(plate(points, heightM, thicknessM)));
+  const sizeM = Math.max(widthM, heightM);
+  if (handle) {
+    // Tissue presses on it: it is drawn where it is, in tissue too.
+    const grip = capsule(handle.radiusM, handle.lengthM);
+    grip.position.y = spineM;
+    object.add(named("grip", grip));
+    const neck = { foot: new Vector3(0, spineM, 0), along: UPWARDS, leastM: 0, reachM: handle.radiusM };
+    return { object: shadowed(object), sizeM, neck, ...WITHOUT_JAWS, setNeck() {} };
+  }
   const gripM = Math.min(0.16 * widthM, 0.3 * heightM);
   const { middle, part } = middleOf(points, 0.7 * gripM);
   const foot = new Vector3(middle[0], spineM, middle[2]);
   // It goes on from the spine, folded as that is: it stands in the slit that the blade has cut.
   const shaft = steel(band(part, drawnThickness(thicknessM, heightM)));
   shaft.position.y = spineM;
-  const grip = new Mesh(new CapsuleGeometry(gripM / 2, 0.9 * heightM, 6, 20), GRIP);
-  grip.geometry.translate(0, 0.45 * heightM + gripM / 2, 0);
-  const object = new Group();
-  object.add(steel(plate(points, heightM, thicknessM)), named("neck", shaft), named("grip", grip));
+  const grip = capsule(gripM / 2, 0.9 * heightM);
+  object.add(named("neck", shaft), named("grip", grip));
   const setNeck = (lengthM: number) => {
     shaft.scale.y = lengthM;
     grip.position.copy(foot).addScaledVector(UPWARDS, lengthM);
   };
   const neck = { foot, along: UPWARDS, leastM: 0.2 * heightM, reachM: gripM / 2 };
   setNeck(neck.leastM);
-  return { object: shadowed(object), sizeM: Math.max(widthM, heightM), neck, ...WITHOUT_JAWS, setNeck };
+  return { object: shadowed(object), sizeM, neck, ...WITHOUT_JAWS, setNeck };
+}
+
+/** A handle that stands on its foot. */
+function capsule(radiusM: number, lengthM: number): Mesh {
+  const geometry = new CapsuleGeometry(radiusM, lengthM, 6, 20);
+  return new Mesh(geometry.translate(0, lengthM / 2 + radiusM, 0), GRIP);
 }
 
 function scissors({ bladeLengthM, bladeHeightM, maxAngleRad, thicknessM }: ScissorsSummary): ToolShape {

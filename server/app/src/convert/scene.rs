@@ -2,7 +2,7 @@
 
 use kerf_physics::Stage;
 use kerf_physics::making::{Making, MakingStage};
-use kerf_physics::scene::{BladeDesc, DialDesc, ObjectDesc, ToolDesc, ToolShapeDesc};
+use kerf_physics::scene::{BladeDesc, CapsuleDesc, DialDesc, ObjectDesc, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
 use kerf_proto::v1;
@@ -50,6 +50,10 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
     }
 }
 
+fn capsule(capsule: &CapsuleDesc) -> v1::ProbeSummary {
+    v1::ProbeSummary { radius_m: capsule.radius_m, length_m: capsule.length_m }
+}
+
 fn tool_summary(tool: &ToolDesc, stiffest_pa: f64) -> v1::ToolSummary {
     use v1::tool_summary::Kind;
     let kind = match &tool.shape {
@@ -58,14 +62,13 @@ fn tool_summary(tool: &ToolDesc, stiffest_pa: f64) -> v1::ToolSummary {
             height_m: blade.height_m,
             thickness_m: blade.thickness_m,
             edge_m: edge_m(blade),
+            handle: blade.handle.as_ref().map(capsule),
         }),
         ToolShapeDesc::Grasper(grasper) => {
             let max_force_n = Some(grasper.slips_above_n(stiffest_pa));
             Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n })
         }
-        ToolShapeDesc::Probe(capsule) => {
-            Kind::Probe(v1::ProbeSummary { radius_m: capsule.radius_m, length_m: capsule.length_m })
-        }
+        ToolShapeDesc::Probe(probe) => Kind::Probe(capsule(probe)),
         ToolShapeDesc::Scissors(scissors) => Kind::Scissors(v1::ScissorsSummary {
             blade_length_m: scissors.blade_length_m,
             blade_height_m: scissors.blade_height_m,

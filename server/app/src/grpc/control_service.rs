@@ -52,7 +52,7 @@ impl ControlService {
         caller: &Caller,
         hello: &v1::ClientHello,
     ) -> Result<(Driver, Contacts, ContactDeadband), RequestError> {
-        check_version(hello.protocol_version)?;
+        check_version("hello.protocol_version", hello.protocol_version)?;
         if hello.tool_ids.is_empty() {
             return Err(RequestError::Missing { field: "hello.tool_ids" });
         }
@@ -61,6 +61,10 @@ impl ControlService {
         }
         self.unary.purge();
         let session = caller.session(&self.registry, &hello.session_id)?;
+        let tools = session.scene().desc.tools.len();
+        if let Some((place, tool)) = hello.tool_ids.iter().enumerate().find(|(_, tool)| **tool as usize >= tools) {
+            return Err(RequestError::HelloTool { place, tool: *tool, tools });
+        }
         let step_rate_hz = session.scene().desc.rate_hz;
         let max_hz = self.limits.max_contact_rate_hz.min(step_rate_hz);
         let default_hz = self.limits.default_contact_rate_hz;

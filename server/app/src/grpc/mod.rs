@@ -37,10 +37,10 @@ fn token() -> String {
     format!("{:016x}{:016x}", RandomState::new().hash_one(0), RandomState::new().hash_one(1))
 }
 
-fn check_version(theirs: u32) -> Result<(), RequestError> {
+fn check_version(field: &'static str, theirs: u32) -> Result<(), RequestError> {
     match theirs == kerf_proto::PROTOCOL_VERSION {
         true => Ok(()),
-        false => Err(RequestError::ProtocolVersion { theirs }),
+        false => Err(RequestError::ProtocolVersion { field, theirs }),
     }
 }
 

@@ -147,7 +147,7 @@ fn client(to: &v1::MoveSessionRequest) -> Result<SessionServiceClient<kerf_acces
         kerf_access::AccessError::Address { .. } => no_address(),
         other => RequestError::MoveAccess { field: "ca_certificates", message: other.to_string() },
     };
-    let channel = endpoint(&to.to, certificates).map_err(refused)?.connect_lazy();
+    let channel = endpoint(&to.to, certificates, None).map_err(refused)?.connect_lazy();
     let no_token = || RequestError::MoveAccess { field: "token", message: "it cannot be one".into() };
     let token = match to.token.as_str() {
         "" => Token::none(),

@@ -4,6 +4,8 @@ use std::time::Instant;
 
 use kerf_proto::v1;
 
+use crate::config::setting;
+
 /// Poses that may come at once, s of the rate: what a network held up for so long comes together.
 const BURST_S: f64 = 1.0;
 
@@ -30,7 +32,8 @@ impl PoseBudget {
         self.told = now;
         self.left = (self.left + gained).min(per_s * BURST_S);
         if self.left < 1.0 {
-            let limit = format!("at most {} poses a second and tool (max_pose_rate_hz)", self.rate_hz);
+            let name = setting!(control.max_pose_rate_hz);
+            let limit = format!("at most {} poses a second and tool ({name})", self.rate_hz);
             return Err(v1::PoseRejected { tool_id, seq, field: "pose".into(), limit });
         }
         self.left -= 1.0;

@@ -25,7 +25,7 @@ use super::moving::Moving;
 use super::owned::Owned;
 use super::sent_files::SentFiles;
 use super::{Outgoing, in_time};
-use crate::config::ServerConfig;
+use crate::config::{ServerConfig, setting};
 use crate::convert::scene::{checkpoint, dial, making_progress, session_description, session_info};
 use crate::convert::stepping::{check_steps_together, step_response, steps};
 use crate::journal::Journals;
@@ -99,7 +99,8 @@ impl SessionService {
         let so_far = self.recordings.so_far(session);
         let limit = Duration::from_secs_f64(self.limit_s());
         tokio::time::timeout(limit, self.recordings.finish(session)).await.unwrap_or_else(|_| {
-            let error = format!("not written out within {} s (request_timeout_s)", self.limit_s());
+            let name = setting!(transport.request_timeout_s);
+            let error = format!("not written out within {} s ({name})", self.limit_s());
             so_far.map(|recording| v1::Recording { error, ..recording })
         })
     }
@@ -298,7 +299,7 @@ impl v1::session_service_server::SessionService for SessionService {
         let known = self.registry.list().into_iter().filter(|session| caller.knows(session));
         let sessions = known.map(|session| session_info(&session, self.journals.so_far(session.id()))).collect();
         let server = v1::ServerVitals {
-            version: env!("CARGO_PKG_VERSION").into(),
+            version: crate::VERSION.into(),
             resident_memory_bytes: machine::resident_memory_bytes().unwrap_or_default(),
             max_sessions: self.registry.limits().max_sessions as u32,
             expected_sessions: self.registry.expected() as u32,
@@ -524,7 +525,8 @@ fn by_name(scenes: &SceneList, name: &str) -> Result<SoundScene, RequestError> {
 fn from_text(text: &str, files: Vec<v1::SceneFile>, max_bytes: usize) -> Result<SoundScene, RequestError> {
     let refuse = |message: String| RequestError::SceneText { message };
     if text.len() > max_bytes {
-        return Err(refuse(format!("scene_toml: {} bytes, at most {max_bytes} (max_scene_bytes)", text.len())));
+        let name = setting!(transport.max_scene_bytes);
+        return Err(refuse(format!("scene_toml: {} bytes, at most {max_bytes} ({name})", text.len())));
     }
     let files = files.into_iter().map(|file| (file.name, file.data)).collect();
     kerf_scenes::file::from_text("scene_toml", text, &files).map_err(|error| refuse(error.to_string()))

@@ -55,7 +55,7 @@ impl v1::view_service_server::ViewService for ViewService {
     async fn view(&self, request: Request<v1::ViewRequest>) -> Result<Response<Self::ViewStream>, Status> {
         let caller = Caller::of(request.extensions())?;
         let request = request.into_inner();
-        check_version(request.protocol_version)?;
+        check_version("protocol_version", request.protocol_version)?;
         let max_hz = self.registry.limits().view_rate_hz;
         let rate_hz = grant_rate_hz("rate_hz", request.rate_hz, DEFAULT_RATE_HZ, max_hz)?;
         let encoding = Encoding::granted(&request)?;

@@ -43,7 +43,7 @@ fn read_file(path: &Path) -> Result<(SoundScene, Past)> {
 /// Steps taken once more lead to the same bits in the program that took them alone.
 fn is_of_this_program(header: &v1::RecordingHeader) -> Result<()> {
     let found = (header.server_version.as_str(), header.target.as_str());
-    let own = (convert::PROGRAM, convert::TARGET);
+    let own = (crate::VERSION, convert::TARGET);
     ensure!(found == own, "the journal is of kerf-server {} on {}; this is {} on {}", found.0, found.1, own.0, own.1);
     Ok(())
 }

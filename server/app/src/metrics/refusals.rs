@@ -10,9 +10,9 @@ use axum::response::Response;
 use kerf_session::SessionError;
 use tonic::{Code, Status};
 
-use crate::status::RequestError;
+use crate::status::{RequestError, in_section};
 
-/// Refused calls, by reason: those that there were yet. All reasons are words of this file.
+/// Refused calls, by reason: those that there were yet. All reasons are words of this file, and names of settings.
 #[derive(Default)]
 pub struct Refusals(Mutex<BTreeMap<&'static str, u64>>);
 
@@ -36,13 +36,15 @@ pub async fn count(State(refusals): State<Arc<Refusals>>, request: Request, next
     response
 }
 
+/// The limit by the name that its setting has in its section, or the rule; others are told by their code.
 fn reason(status: &Status) -> &'static str {
     let cause = status.source().and_then(|cause| cause.downcast_ref::<RequestError>());
-    cause.and_then(named).unwrap_or_else(|| code(status.code()))
+    let limit = cause.and_then(RequestError::setting).map(in_section);
+    limit.or_else(|| cause.and_then(rule)).unwrap_or_else(|| code(status.code()))
 }
 
-/// The limit that was in the way, by the name of its setting, or the rule; others are told by their code.
-fn named(error: &RequestError) -> Option<&'static str> {
+/// The rule that was in the way.
+fn rule(error: &RequestError) -> Option<&'static str> {
     use RequestError as Error;
     Some(match error {
         Error::TokenMissing => "token_missing",
@@ -54,36 +56,10 @@ fn named(error: &RequestError) -> Option<&'static str> {
         Error::ForeignOrigin { .. } => "foreign_origin",
         Error::NoCall { .. } => "no_such_call",
         Error::ProtocolVersion { .. } => "protocol_version",
-        Error::TooManyWrongTokens { .. } => "max_wrong_tokens_per_minute",
-        Error::TooManySessionsOfToken { .. } => "max_sessions_per_token",
-        Error::TooManyGuests { .. } => "max_guests",
-        Error::TooManyUnaryDrivers { .. } => "max_unary_drivers",
-        Error::TooManyLargeMessages { .. } => "max_large_requests",
-        Error::LargeMessage { .. } => "max_request_bytes",
-        Error::TooManyUploads { .. } => "max_uploads",
-        Error::UploadSize { .. } => "max_upload_bytes",
-        Error::UnreadInTime { .. } | Error::Unresponsive { .. } => "request_timeout_s",
-        Error::HelloMissing { .. } => "hello_timeout_s",
-        Error::Session(error) => return of_session(error),
-        Error::OfSession { error, .. } => return named(error),
-        _ => return None,
-    })
-}
-
-fn of_session(error: &SessionError) -> Option<&'static str> {
-    use SessionError as Error;
-    Some(match error {
-        Error::TooManySessions { .. } => "max_sessions",
-        Error::Memory { .. } => "max_memory_mib",
-        Error::Load { .. } => "max_load",
-        Error::SetupTime { .. } => "max_setup_s",
-        Error::TooManyDrivers { .. } => "max_drivers",
-        Error::TooManyViewers { .. } => "max_viewers",
-        Error::TooManyCommands { .. } => "max_commands",
-        Error::TooManyCheckpoints { .. } => "max_checkpoints",
-        Error::ToolTaken { .. } => "tool_taken",
-        Error::Failed { .. } => "session_failed",
-        Error::Draining => "draining",
+        Error::OfSession { error, .. } => return rule(error),
+        Error::Session(SessionError::ToolTaken { .. }) => "tool_taken",
+        Error::Session(SessionError::Failed { .. }) => "session_failed",
+        Error::Session(SessionError::Draining { .. }) => "draining",
         _ => return None,
     })
 }
@@ -118,7 +94,7 @@ mod tests {
     fn a_refusal_is_known_by_its_limit_and_else_by_its_code() {
         let of = |error: RequestError| reason(&Status::from(error));
         assert_eq!(of(SessionError::TooManySessions { limit: 8 }.into()), "max_sessions");
-        assert_eq!(of(RequestError::from(SessionError::Draining).of_session(3)), "draining");
+        assert_eq!(of(RequestError::from(SessionError::Draining { limit_s: 0.0 }).of_session(3)), "draining");
         assert_eq!(of(RequestError::TokenMissing), "token_missing");
         assert_eq!(of(RequestError::NoScene { name: "a".into(), guess: String::new() }), "not_found");
         assert_eq!(reason(&Status::unimplemented("what it is")), "unimplemented");

@@ -7,7 +7,9 @@ use prometheus_client::registry::Unit::{Bytes, Seconds};
 
 use super::Sources;
 use super::page::Page;
-use crate::machine;
+use crate::status::in_section;
+use crate::traffic::Full;
+use crate::{VERSION, machine};
 
 pub fn write(page: &mut Page<'_>, sources: &Sources) -> fmt::Result {
     network(page, sources)?;
@@ -19,15 +21,16 @@ pub fn write(page: &mut Page<'_>, sources: &Sources) -> fmt::Result {
     let expires_s = sources.security.certificate_expires_s();
     page.gauge_if(("certificate_expiry_timestamp", Some(Seconds), help), expires_s)?;
     let protocol = kerf_proto::PROTOCOL_VERSION.to_string();
-    let labels = [("version", env!("CARGO_PKG_VERSION")), ("protocol_version", protocol.as_str())];
+    let labels = [("version", VERSION), ("protocol_version", protocol.as_str())];
     page.info(("build_info", None, "The program, by its labels; always 1."), &labels)
 }
 
 fn network(page: &mut Page<'_>, sources: &Sources) -> fmt::Result {
     let traffic = &sources.traffic;
     page.gauge(("connections", None, "Connections that are open."), traffic.open())?;
-    let help = "Connections that were closed as they came, as all places or those of their address were taken.";
-    page.counter(("refused_connections", None, help), traffic.refused.get())?;
+    let help = "Connections that were closed as they came, by the limit of which as many were open.";
+    let refused = Full::ALL.map(|full| (in_section(full.setting()), traffic.refused(full)));
+    page.counters(("refused_connections", None, help), "reason", refused)?;
     page.counter(("sent", Some(Bytes), "Sent to clients, without TLS's own."), traffic.sent_bytes.get())?;
     page.counter(("received", Some(Bytes), "Received of clients, without TLS's own."), traffic.received_bytes.get())?;
     let help = "Calls that were refused, by the limit or the rule that was in the way, else by gRPC's code.";

@@ -24,9 +24,7 @@ use crate::convert::wrench;
 /// the structures of a recording of version 1.
 pub const VERSION: u32 = 2;
 
-/// The version of this program.
-pub const PROGRAM: &str = env!("CARGO_PKG_VERSION");
-/// What it was compiled for.
+/// What the program was compiled for.
 pub const TARGET: &str = std::env::consts::ARCH;
 
 /// What a recording begins with.
@@ -41,7 +39,7 @@ pub fn header(session: &Session, summary: v1::SceneSummary) -> Result<v1::Record
     };
     Ok(v1::RecordingHeader {
         version: VERSION,
-        server_version: PROGRAM.into(),
+        server_version: crate::VERSION.into(),
         session_id: session.id().to_string(),
         scene_toml: toml::to_string(&session.scene().desc)?,
         meshes: session.scene().meshes.iter().map(mesh).collect(),

@@ -141,7 +141,7 @@ impl Tally {
             solver_iterations_mean: self.iterations as f64 / steps.max(1) as f64,
             state_hash: format!("{:016x}", world.state_hash()),
             surface_hash: format!("{:016x}", world.surface_hash()),
-            version: env!("CARGO_PKG_VERSION"),
+            version: crate::VERSION,
             ..Summary::default()
         }
     }

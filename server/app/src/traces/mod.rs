@@ -62,7 +62,7 @@ impl Traces {
         let exporter = Watched::new(exporter.map_err(|error| anyhow!("traces: {error}"))?, endpoint.clone());
         let batches = BatchConfigBuilder::default().with_max_queue_size(MAX_WAITING).with_scheduled_delay(INTERVAL);
         let batches = BatchSpanProcessor::builder(exporter).with_batch_config(batches.build()).build();
-        let version = KeyValue::new("service.version", env!("CARGO_PKG_VERSION"));
+        let version = KeyValue::new("service.version", crate::VERSION);
         let resource = Resource::builder().with_service_name(TRACER).with_attribute(version).build();
         let provider = SdkTracerProvider::builder().with_span_processor(batches).with_resource(resource).build();
         global::set_tracer_provider(provider.clone());

@@ -82,7 +82,7 @@ impl Job {
         let settings = toml::to_string(&scene.desc).expect("a scene was read from TOML");
         // The Pareto front's fingerprint covers the meshes.
         let fingerprint = &ParetoFront::of(scene).notes["fingerprint"];
-        for text in [settings.as_str(), fingerprint, script, env!("CARGO_PKG_VERSION")] {
+        for text in [settings.as_str(), fingerprint, script, crate::VERSION] {
             text.bytes().for_each(|byte| hash.word(u64::from(byte)));
         }
         hash.finish()

@@ -19,7 +19,7 @@ pub fn notes(options: &Options, reference: &Run, base: &Job) -> Vec<(String, Str
     let mut notes = vec![
         ("hardware", hardware()),
         ("command", command(std::env::args())),
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("version", crate::VERSION.to_owned()),
         (
             "reference",
             format!(

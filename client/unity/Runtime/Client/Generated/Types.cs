@@ -48,45 +48,46 @@ namespace Kerf.V1 {
             "SAASJgoFcHJvYmUYByABKAsyFS5rZXJmLnYxLlByb2JlU3VtbWFyeUgAEiwK",
             "CHNjaXNzb3JzGAggASgLMhgua2VyZi52MS5TY2lzc29yc1N1bW1hcnlIAEIG",
             "CgRraW5kSgQIAhADSgQIAxAESgQIBBAFUg1ibGFkZV93aWR0aF9tUg5ibGFk",
-            "ZV9oZWlnaHRfbVIRYmxhZGVfdGhpY2tuZXNzX20iVgoMQmxhZGVTdW1tYXJ5",
+            "ZV9oZWlnaHRfbVIRYmxhZGVfdGhpY2tuZXNzX20ifQoMQmxhZGVTdW1tYXJ5",
             "Eg8KB3dpZHRoX20YASABKAESEAoIaGVpZ2h0X20YAiABKAESEwoLdGhpY2tu",
-            "ZXNzX20YAyABKAESDgoGZWRnZV9tGAQgAygCIkwKDkdyYXNwZXJTdW1tYXJ5",
-            "EhAKCHJhZGl1c19tGAEgASgBEhgKC21heF9mb3JjZV9uGAIgASgBSACIAQFC",
-            "DgoMX21heF9mb3JjZV9uIjIKDFByb2JlU3VtbWFyeRIQCghyYWRpdXNfbRgB",
-            "IAEoARIQCghsZW5ndGhfbRgCIAEoASJtCg9TY2lzc29yc1N1bW1hcnkSFgoO",
-            "YmxhZGVfbGVuZ3RoX20YASABKAESFgoOYmxhZGVfaGVpZ2h0X20YAiABKAES",
-            "FQoNbWF4X2FuZ2xlX3JhZBgDIAEoARITCgt0aGlja25lc3NfbRgEIAEoASK7",
-            "AgoGTGltaXRzEhgKEG1heF9wb3NlX3JhdGVfaHoYASABKAESHwoXZGVmYXVs",
-            "dF9jb250YWN0X3JhdGVfaHoYAiABKAESGwoTbWF4X2NvbnRhY3RfcmF0ZV9o",
-            "ehgDIAEoARIYChBtYXhfdmlld19yYXRlX2h6GAQgASgBEh4KFm1heF90b29s",
-            "X3NwZWVkX21fcGVyX3MYBSABKAESJgoPd29ya3NwYWNlX21pbl9tGAYgASgL",
-            "Mg0ua2VyZi52MS5WZWMzEiYKD3dvcmtzcGFjZV9tYXhfbRgHIAEoCzINLmtl",
-            "cmYudjEuVmVjMxIPCgdsZWFzZV9zGAggASgBEiMKG21heF9yZWplY3RlZF9w",
-            "b3Nlc19pbl9hX3JvdxgJIAEoDRIZChFtYXhfY29udGFjdF9hZ2VfcxgKIAEo",
-            "ASJHCgVGYXVsdBIMCgRzdGVwGAEgASgEEg4KBm9iamVjdBgCIAEoCRIgCgRr",
-            "aW5kGAMgASgOMhIua2VyZi52MS5GYXVsdEtpbmQi8AEKBUV2ZW50EgwKBHN0",
-            "ZXAYASABKAQSIAoEa2luZBgCIAEoDjISLmtlcmYudjEuRXZlbnRLaW5kEg8K",
-            "B3Rvb2xfaWQYAyABKA0SGgoScmVsYXRpdmVfdG9sZXJhbmNlGAQgASgBEhcK",
-            "D2NoZWNrcG9pbnRfbmFtZRgFIAEoCRISCgpsYXRlX3NoYXJlGAYgASgBEhYK",
-            "DnVuc29sdmVkX3N0ZXBzGAcgASgNEhkKEXJlbGF0aXZlX3Jlc2lkdWFsGAgg",
-            "ASgBEhUKDXVuc2V0dGxlZF9uX3MYCSABKAESEwoLcGllY2VfY291bnQYCiAB",
-            "KA0qdQoJRmF1bHRLaW5kEhoKFkZBVUxUX0tJTkRfVU5TUEVDSUZJRUQQABIZ",
-            "ChVGQVVMVF9LSU5EX05PREVfU1RBVEUQARIaChZGQVVMVF9LSU5EX1RPT0xf",
-            "V1JFTkNIEAISFQoRRkFVTFRfS0lORF9FTkVSR1kQAyqXAQoMU2Vzc2lvblN0",
-            "YXRlEh0KGVNFU1NJT05fU1RBVEVfVU5TUEVDSUZJRUQQABIZChVTRVNTSU9O",
-            "X1NUQVRFX1JVTk5JTkcQARIYChRTRVNTSU9OX1NUQVRFX1BBVVNFRBACEhkK",
-            "FVNFU1NJT05fU1RBVEVfQ0xPU0lORxADEhgKFFNFU1NJT05fU1RBVEVfRkFJ",
-            "TEVEEAQqxwMKCUV2ZW50S2luZBIaChZFVkVOVF9LSU5EX1VOU1BFQ0lGSUVE",
-            "EAASFQoRRVZFTlRfS0lORF9QQVVTRUQQARIWChJFVkVOVF9LSU5EX1JFU1VN",
-            "RUQQAhIUChBFVkVOVF9LSU5EX1JFU0VUEAMSFgoSRVZFTlRfS0lORF9DTE9T",
-            "SU5HEAQSGQoVRVZFTlRfS0lORF9UT09MX1RBS0VOEAUSHAoYRVZFTlRfS0lO",
-            "RF9UT09MX1JFTEVBU0VEEAYSGQoVRVZFTlRfS0lORF9SRUFOQ0hPUkVEEAcS",
-            "FQoRRVZFTlRfS0lORF9GQUlMRUQQCBIgChxFVkVOVF9LSU5EX1RPTEVSQU5D",
-            "RV9DSEFOR0VEEAkSHwobRVZFTlRfS0lORF9DSEVDS1BPSU5UX1NBVkVEEAoS",
-            "IgoeRVZFTlRfS0lORF9DSEVDS1BPSU5UX1JFU1RPUkVEEAsSGQoVRVZFTlRf",
-            "S0lORF9PVkVSTE9BREVEEAwSFwoTRVZFTlRfS0lORF9VTlNPTFZFRBANEhcK",
-            "E0VWRU5UX0tJTkRfUFVUX0FXQVkQDhIiCh5FVkVOVF9LSU5EX0NIRUNLUE9J",
-            "TlRfVVBMT0FERUQQD2IGcHJvdG8z"));
+            "ZXNzX20YAyABKAESDgoGZWRnZV9tGAQgAygCEiUKBmhhbmRsZRgFIAEoCzIV",
+            "LmtlcmYudjEuUHJvYmVTdW1tYXJ5IkwKDkdyYXNwZXJTdW1tYXJ5EhAKCHJh",
+            "ZGl1c19tGAEgASgBEhgKC21heF9mb3JjZV9uGAIgASgBSACIAQFCDgoMX21h",
+            "eF9mb3JjZV9uIjIKDFByb2JlU3VtbWFyeRIQCghyYWRpdXNfbRgBIAEoARIQ",
+            "CghsZW5ndGhfbRgCIAEoASJtCg9TY2lzc29yc1N1bW1hcnkSFgoOYmxhZGVf",
+            "bGVuZ3RoX20YASABKAESFgoOYmxhZGVfaGVpZ2h0X20YAiABKAESFQoNbWF4",
+            "X2FuZ2xlX3JhZBgDIAEoARITCgt0aGlja25lc3NfbRgEIAEoASK7AgoGTGlt",
+            "aXRzEhgKEG1heF9wb3NlX3JhdGVfaHoYASABKAESHwoXZGVmYXVsdF9jb250",
+            "YWN0X3JhdGVfaHoYAiABKAESGwoTbWF4X2NvbnRhY3RfcmF0ZV9oehgDIAEo",
+            "ARIYChBtYXhfdmlld19yYXRlX2h6GAQgASgBEh4KFm1heF90b29sX3NwZWVk",
+            "X21fcGVyX3MYBSABKAESJgoPd29ya3NwYWNlX21pbl9tGAYgASgLMg0ua2Vy",
+            "Zi52MS5WZWMzEiYKD3dvcmtzcGFjZV9tYXhfbRgHIAEoCzINLmtlcmYudjEu",
+            "VmVjMxIPCgdsZWFzZV9zGAggASgBEiMKG21heF9yZWplY3RlZF9wb3Nlc19p",
+            "bl9hX3JvdxgJIAEoDRIZChFtYXhfY29udGFjdF9hZ2VfcxgKIAEoASJHCgVG",
+            "YXVsdBIMCgRzdGVwGAEgASgEEg4KBm9iamVjdBgCIAEoCRIgCgRraW5kGAMg",
+            "ASgOMhIua2VyZi52MS5GYXVsdEtpbmQi8AEKBUV2ZW50EgwKBHN0ZXAYASAB",
+            "KAQSIAoEa2luZBgCIAEoDjISLmtlcmYudjEuRXZlbnRLaW5kEg8KB3Rvb2xf",
+            "aWQYAyABKA0SGgoScmVsYXRpdmVfdG9sZXJhbmNlGAQgASgBEhcKD2NoZWNr",
+            "cG9pbnRfbmFtZRgFIAEoCRISCgpsYXRlX3NoYXJlGAYgASgBEhYKDnVuc29s",
+            "dmVkX3N0ZXBzGAcgASgNEhkKEXJlbGF0aXZlX3Jlc2lkdWFsGAggASgBEhUK",
+            "DXVuc2V0dGxlZF9uX3MYCSABKAESEwoLcGllY2VfY291bnQYCiABKA0qdQoJ",
+            "RmF1bHRLaW5kEhoKFkZBVUxUX0tJTkRfVU5TUEVDSUZJRUQQABIZChVGQVVM",
+            "VF9LSU5EX05PREVfU1RBVEUQARIaChZGQVVMVF9LSU5EX1RPT0xfV1JFTkNI",
+            "EAISFQoRRkFVTFRfS0lORF9FTkVSR1kQAyqXAQoMU2Vzc2lvblN0YXRlEh0K",
+            "GVNFU1NJT05fU1RBVEVfVU5TUEVDSUZJRUQQABIZChVTRVNTSU9OX1NUQVRF",
+            "X1JVTk5JTkcQARIYChRTRVNTSU9OX1NUQVRFX1BBVVNFRBACEhkKFVNFU1NJ",
+            "T05fU1RBVEVfQ0xPU0lORxADEhgKFFNFU1NJT05fU1RBVEVfRkFJTEVEEAQq",
+            "xwMKCUV2ZW50S2luZBIaChZFVkVOVF9LSU5EX1VOU1BFQ0lGSUVEEAASFQoR",
+            "RVZFTlRfS0lORF9QQVVTRUQQARIWChJFVkVOVF9LSU5EX1JFU1VNRUQQAhIU",
+            "ChBFVkVOVF9LSU5EX1JFU0VUEAMSFgoSRVZFTlRfS0lORF9DTE9TSU5HEAQS",
+            "GQoVRVZFTlRfS0lORF9UT09MX1RBS0VOEAUSHAoYRVZFTlRfS0lORF9UT09M",
+            "X1JFTEVBU0VEEAYSGQoVRVZFTlRfS0lORF9SRUFOQ0hPUkVEEAcSFQoRRVZF",
+            "TlRfS0lORF9GQUlMRUQQCBIgChxFVkVOVF9LSU5EX1RPTEVSQU5DRV9DSEFO",
+            "R0VEEAkSHwobRVZFTlRfS0lORF9DSEVDS1BPSU5UX1NBVkVEEAoSIgoeRVZF",
+            "TlRfS0lORF9DSEVDS1BPSU5UX1JFU1RPUkVEEAsSGQoVRVZFTlRfS0lORF9P",
+            "VkVSTE9BREVEEAwSFwoTRVZFTlRfS0lORF9VTlNPTFZFRBANEhcKE0VWRU5U",
+            "X0tJTkRfUFVUX0FXQVkQDhIiCh5FVkVOVF9LSU5EX0NIRUNLUE9JTlRfVVBM",
+            "T0FERUQQD2IGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.FaultKind), typeof(global::Kerf.V1.SessionState), typeof(global::Kerf.V1.EventKind), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -97,7 +98,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneSummary), global::Kerf.V1.SceneSummary.Parser, new[]{ "Name", "Description", "DtS", "Objects", "Tools", "TrackedPointNames", "StageNames" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ObjectSummary), global::Kerf.V1.ObjectSummary.Parser, new[]{ "Name", "RestMinM", "RestMaxM", "FractureEnergyJPerM2", "YoungModulusPa", "VoxelSizeM", "Voxels", "CompositeElements", "LeftOutPieces", "LeftOutVoxels", "MaterialNames", "MaterialColors" }, new[]{ "FractureEnergyJPerM2" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolSummary), global::Kerf.V1.ToolSummary.Parser, new[]{ "Name", "Blade", "Grasper", "Probe", "Scissors" }, new[]{ "Kind" }, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.BladeSummary), global::Kerf.V1.BladeSummary.Parser, new[]{ "WidthM", "HeightM", "ThicknessM", "EdgeM" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.BladeSummary), global::Kerf.V1.BladeSummary.Parser, new[]{ "WidthM", "HeightM", "ThicknessM", "EdgeM", "Handle" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GrasperSummary), global::Kerf.V1.GrasperSummary.Parser, new[]{ "RadiusM", "MaxForceN" }, new[]{ "MaxForceN" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ProbeSummary), global::Kerf.V1.ProbeSummary.Parser, new[]{ "RadiusM", "LengthM" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ScissorsSummary), global::Kerf.V1.ScissorsSummary.Parser, new[]{ "BladeLengthM", "BladeHeightM", "MaxAngleRad", "ThicknessM" }, null, null, null, null),
@@ -2856,6 +2857,7 @@ namespace Kerf.V1 {
       heightM_ = other.heightM_;
       thicknessM_ = other.thicknessM_;
       edgeM_ = other.edgeM_.Clone();
+      handle_ = other.handle_ != null ? other.handle_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -2924,6 +2926,21 @@ namespace Kerf.V1 {
       get { return edgeM_; }
     }
 
+    /// <summary>Field number for the "handle" field.</summary>
+    public const int HandleFieldNumber = 5;
+    private global::Kerf.V1.ProbeSummary handle_;
+    /// <summary>
+    /// A handle that tissue presses on, along the tool's +y from the highest point of the spine; absent: none.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.ProbeSummary Handle {
+      get { return handle_; }
+      set {
+        handle_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -2943,6 +2960,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(HeightM, other.HeightM)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ThicknessM, other.ThicknessM)) return false;
       if(!edgeM_.Equals(other.edgeM_)) return false;
+      if (!object.Equals(Handle, other.Handle)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -2954,6 +2972,7 @@ namespace Kerf.V1 {
       if (HeightM != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(HeightM);
       if (ThicknessM != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ThicknessM);
       hash ^= edgeM_.GetHashCode();
+      if (handle_ != null) hash ^= Handle.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -2985,6 +3004,10 @@ namespace Kerf.V1 {
         output.WriteDouble(ThicknessM);
       }
       edgeM_.WriteTo(output, _repeated_edgeM_codec);
+      if (handle_ != null) {
+        output.WriteRawTag(42);
+        output.WriteMessage(Handle);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -3008,6 +3031,10 @@ namespace Kerf.V1 {
         output.WriteDouble(ThicknessM);
       }
       edgeM_.WriteTo(ref output, _repeated_edgeM_codec);
+      if (handle_ != null) {
+        output.WriteRawTag(42);
+        output.WriteMessage(Handle);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -3028,6 +3055,9 @@ namespace Kerf.V1 {
         size += 1 + 8;
       }
       size += edgeM_.CalculateSize(_repeated_edgeM_codec);
+      if (handle_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Handle);
+      }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
       }
@@ -3050,6 +3080,12 @@ namespace Kerf.V1 {
         ThicknessM = other.ThicknessM;
       }
       edgeM_.Add(other.edgeM_);
+      if (other.handle_ != null) {
+        if (handle_ == null) {
+          Handle = new global::Kerf.V1.ProbeSummary();
+        }
+        Handle.MergeFrom(other.Handle);
+      }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
 
@@ -3082,6 +3118,13 @@ namespace Kerf.V1 {
             edgeM_.AddEntriesFrom(input, _repeated_edgeM_codec);
             break;
           }
+          case 42: {
+            if (handle_ == null) {
+              Handle = new global::Kerf.V1.ProbeSummary();
+            }
+            input.ReadMessage(Handle);
+            break;
+          }
         }
       }
     #endif
@@ -3112,6 +3155,13 @@ namespace Kerf.V1 {
           case 34:
           case 37: {
             edgeM_.AddEntriesFrom(ref input, _repeated_edgeM_codec);
+            break;
+          }
+          case 42: {
+            if (handle_ == null) {
+              Handle = new global::Kerf.V1.ProbeSummary();
+            }
+            input.ReadMessage(Handle);
             break;
           }
         }
