@@ -48,8 +48,13 @@ haptics:
 	target/release/kerf-station experiment docs/explanation --server $(STATION_ADDRESS) --loopback out/haptics.jsonl
 
 # The web viewer's files, which the server's build takes in. Without Node the server says how to add them.
-viewer: $(if $(NPM),client/web/node_modules)
-	@$(if $(NPM),cd client/web && npm run --silent build,echo "There is no npm here: the server comes without its web viewer.")
+viewer: $(if $(NPM),client/web/dist/index.html)
+	@$(if $(NPM),,echo "There is no npm here: the server comes without its web viewer.")
+
+# What follows from the protocol is made by the build itself.
+VIEWER_SOURCES := $(wildcard client/web/*.*) $(shell find client/web/src client/web/public proto/kerf -type f -not -path '*/gen/*')
+client/web/dist/index.html: $(VIEWER_SOURCES) | client/web/node_modules
+	cd client/web && npm run --silent build
 
 client/web/node_modules: client/web/package-lock.json
 	cd client/web && npm install --no-save --no-audit --no-fund --loglevel=error && touch node_modules
@@ -85,13 +90,14 @@ reference:
 	$(PROGRAMS)
 	python3 docs/reference/generate.py target/debug/kerf-server
 
-test:
+# The viewer first: programs that were built before it are built anew.
+test: viewer
 	cargo test --workspace
 	@$(MAKE) --no-print-directory test-viewer
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target test-python test-unity
 
 # The viewer's own tests, and those in a real browser. What is missing for them is said.
-test-viewer:
+test-viewer: viewer
 	$(PROGRAMS)
 	@client/web/e2e/run.sh viewer
 

@@ -9,8 +9,7 @@ if ! command -v npm >/dev/null; then
     echo "The viewer's tests are left out: they need Node 20 or later (npm)."
     exit 0
 fi
-[ node_modules -nt package-lock.json ] || { npm install --no-save --no-audit --no-fund --loglevel=error && touch node_modules; }
-npm run --silent build
+make --no-print-directory -C ../.. viewer
 npm test --silent
 
 CHROMIUM=${CHROMIUM:-$(command -v chromium || command -v chromium-browser || command -v google-chrome || true)}
