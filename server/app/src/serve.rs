@@ -36,10 +36,11 @@ use crate::metrics::{Metrics, Sources};
 use crate::recording::Recordings;
 use crate::security::Security;
 use crate::security::door::{self, Door};
+use crate::shutdown::Stops;
 use crate::traces::{late_steps, requests};
 use crate::traffic::Traffic;
 use crate::watchdog::{self, SESSIONS};
-use crate::{incoming, large_messages, machine, print_config, security, shutdown, telemetry, viewer};
+use crate::{incoming, large_messages, machine, print_config, security, telemetry, viewer};
 
 /// Share of the machine's memory that sessions take unless it is set.
 const MEMORY_SHARE: f64 = 0.5;
@@ -84,14 +85,19 @@ pub(crate) fn serve_until_told(config: ServerConfig, first: impl AsyncFnOnce(&Se
     runtime.build().context("runtime")?.block_on(async {
         // A file beyond `ulimit -f` is a full disk to whom it is written by, and no end of the process.
         let _ = signal(SignalKind::from_raw(libc::SIGXFSZ)).context("SIGXFSZ")?;
+        // Before anybody knows of the server: from then on a signal ends its sessions as it should.
+        let mut stops = Stops::listen()?;
         let mut server = Server::start(config).await?;
-        first(&server).await?;
+        let serve = async {
+            first(&server).await?;
+            server.ended().await.context("the transport ended by itself")
+        };
         tokio::select! {
-            requested = shutdown::requested() => requested?,
-            ended = server.ended() => ended.context("the transport ended by itself")?,
+            () = stops.next() => {}
+            ended = serve => ended?,
         }
         tokio::select! {
-            again = shutdown::requested() => again?,
+            () = stops.next() => {}
             () = server.drain() => {}
         }
         server.stop().await;
