@@ -181,14 +181,11 @@ same-bits:
 		release=$$(run $$cpu --release) && test "$$dev" = "$$release" || { echo "$$cpu: $$release, not $$dev"; exit 1; }; \
 	done; echo "same bits: $$dev"
 
-# What the clients' tests need beside Rust: Debian's packages where this machine may have them, npm's and Python's. Each test
-# installs what it lacks itself; here all of it is fetched at once, so that it can be while Rust compiles.
+# What the clients' tests need beside Rust, which each of them installs itself: here all of it is fetched at once, so that it
+# can be while Rust compiles.
 tools: $(if $(NPM),client/web/node_modules)
-	@if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
-		export DEBIAN_FRONTEND=noninteractive; \
-		apt-get update -qq && apt-get install -qqy chromium python3-venv && \
-		apt-get install -qqy --no-install-recommends mono-mcs mono-runtime openssl protobuf-compiler; \
-	fi
+	@client/web/e2e/run.sh tools
+	@client/unity/Tests~/run.sh tools
 	@client/python/check.sh tools true
 
 lint: lint-rust lint-clients

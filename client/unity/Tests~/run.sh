@@ -1,6 +1,7 @@
 #!/bin/sh
 # Compiles the package and its sample with mono and tries them against a server; Unity's types are stand-ins (Stubs). Mono is installed where Debian's packages may
-# be; what cannot be had is said. `run.sh fuzz` only decodes changed streams, for FUZZ_SECONDS each, and needs no server.
+# be; what cannot be had is said. `run.sh fuzz` only decodes changed streams, for FUZZ_SECONDS each, and needs no server;
+# `run.sh tools` only installs.
 set -eu
 cd "$(dirname "$0")/../../.."
 server=target/debug/kerf-server
@@ -9,6 +10,7 @@ build=target/unity
 if ! command -v mcs >/dev/null && command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
     apt-get update -qq && apt-get install -qqy --no-install-recommends mono-mcs mono-runtime openssl protobuf-compiler >/dev/null 2>&1 || true
 fi
+[ "${1:-}" != tools ] || exit 0
 for tool in mcs mono openssl protoc python3; do
     command -v $tool >/dev/null || { echo "unity: skipped, there is no $tool here (Debian: mono-mcs mono-runtime openssl protobuf-compiler)"; exit 0; }
 done

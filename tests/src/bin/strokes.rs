@@ -94,12 +94,7 @@ impl<'a> Bodies<'a> {
     /// Rows of the bodies of which [`Self::sum`] is made; `seed` is the run's.
     fn rows(&self, seed: u64, strokes: u32) -> impl Iterator<Item = BodyRow> {
         let cut = seeds(seed).zip(&self.tallies).filter_map(|(seed, tally)| Some((seed, tally.as_ref()?)));
-        let mut made = 0;
-        let summed = cut.take_while(move |(_, tally)| {
-            let is_asked_for = made < strokes;
-            made += tally.strokes;
-            is_asked_for
-        });
+        let summed = cut.take(self.sum(strokes).bodies as usize);
         summed.map(|(seed, tally)| BodyRow::new(&self.model.name, seed, tally))
     }
 }

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{QuadId, Surface, VertexId, triangulate};
+use super::{Surface, VertexId, point, triangulate};
 use crate::Vec3;
-use crate::grid::{Grid, Link};
+use crate::grid::Grid;
 use crate::math::Aabb;
 
 /// How far inside of an edge and of a triangle they meet, as a share of either: what only touches passes through nothing.
@@ -19,10 +19,7 @@ impl Surface {
     /// of a closed cut lie on each other and do not.
     #[must_use]
     pub fn crossing_pairs(&self) -> Vec<[[VertexId; 3]; 2]> {
-        let placed = |ids: [VertexId; 3]| {
-            let corners = ids.map(|id| Vec3::from(self.vertices[&id].position_m.map(f64::from)));
-            (Placed::new(corners), ids)
-        };
+        let placed = |ids: [VertexId; 3]| (Placed::new(ids.map(|id| point(self.vertices[&id].position_m))), ids);
         let mut by_x: Vec<_> = self.quads.values().flat_map(|quad| triangulate(*quad)).map(placed).collect();
         by_x.sort_by(|(a, _), (b, _)| a.bounds.min_m.x.total_cmp(&b.bounds.min_m.x));
         let mut pairs = Vec::new();
@@ -33,27 +30,34 @@ impl Surface {
         }
         pairs
     }
-}
 
-impl Surface {
     /// Edges of the skin along which it folds back on itself: the normals of its two triangles there are more than 100
     /// degrees apart, which a model's right angles are not. Walls of cuts are no skin.
     #[must_use]
     pub fn folded_edges(&self, grid: &Grid) -> Vec<[VertexId; 2]> {
-        let is_skin = |id: QuadId| !matches!(grid.link(self.link_of(id)), Link::Parted(_));
-        let skin = self.quads.iter().filter(|(id, _)| is_skin(**id)).flat_map(|(_, quad)| triangulate(*quad));
+        let skin =
+            self.quads.iter().filter(|(id, _)| self.is_skin(grid, **id)).flat_map(|(_, quad)| triangulate(*quad));
         let mut normals = BTreeMap::<[VertexId; 2], Vec<Vec3>>::new();
         for ids in skin {
-            let [a, b, c] = ids.map(|id| Vec3::from(self.vertices[&id].position_m.map(f64::from)));
-            let normal = (b - a).cross(&(c - a));
+            let normal = normal_m2(&ids.map(|id| point(self.vertices[&id].position_m)));
             for corner in 0..3 {
                 let [from, to] = [ids[corner], ids[(corner + 1) % 3]];
                 normals.entry([from.min(to), from.max(to)]).or_default().push(normal);
             }
         }
-        let is_folded = |normals: &[Vec3]| matches!(normals, [a, b] if a.dot(b) < FOLD_COSINE * a.norm() * b.norm());
+        let is_folded = |normals: &[Vec3]| matches!(normals, [a, b] if cosine(a, b) < FOLD_COSINE);
         normals.into_iter().filter(|(_, normals)| is_folded(normals)).map(|(edge, _)| edge).collect()
     }
+}
+
+/// Twice a triangle's area along its normal, m².
+pub(super) fn normal_m2([a, b, c]: &[Vec3; 3]) -> Vec3 {
+    (b - a).cross(&(c - a))
+}
+
+/// Of the angle between them; zero where one has no direction.
+pub(super) fn cosine(a: &Vec3, b: &Vec3) -> f64 {
+    a.dot(b) / (a.norm() * b.norm()).max(f64::MIN_POSITIVE)
 }
 
 /// A triangle in its place.

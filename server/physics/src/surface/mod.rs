@@ -107,9 +107,9 @@ impl Surface {
     /// Volume that it encloses in the reference configuration, m³.
     #[must_use]
     pub fn volume_m3(&self) -> f64 {
-        let point = |id| Vec3::from(self.vertices[&id].position_m.map(f64::from));
+        let at = |id| point(self.vertices[&id].position_m);
         let triangles = self.quads.values().flat_map(|quad| triangulate(*quad));
-        triangles.map(|ids| ids.map(point)).map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
+        triangles.map(|ids| ids.map(at)).map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
     }
 
     /// Brings the surface up to date after the links `parted` were parted and the composite element
@@ -149,16 +149,16 @@ impl Surface {
             let id = dual_cell * 8 + component as u32;
             let vertex_before = self.vertices.get(&id).copied();
             before.entry(id).or_insert(vertex_before);
-            let contoured_before = vertex_before.map(|_| self.contoured_m(id));
             let mover_before = self.movers.remove(&id);
-            let is_as_before = |mover: &Mover| (mover.from_m, mover.wanted_m) == (vertex.position_m, wanted_m);
+            let from_before_m =
+                vertex_before.map(|before| mover_before.map_or(before.position_m, |mover| mover.from_m));
+            let wanted_before_m = mover_before.and_then(|mover| mover.wanted_m);
+            let is_as_before = (from_before_m, wanted_before_m) == (Some(vertex.position_m), wanted_m);
+            has_changed |= vertex_before.is_some() && !is_as_before || wanted_m != wanted_before_m;
             let mover = match mover_before {
-                Some(mover) if is_as_before(&mover) => Some(mover),
+                Some(mover) if is_as_before => Some(mover),
                 _ => wanted_m.map(|_| Mover::new(vertex.position_m, wanted_m)),
             };
-            let wanted_before_m = mover_before.and_then(|mover| mover.wanted_m);
-            has_changed |= wanted_m != wanted_before_m
-                || contoured_before.is_some_and(|before| before != Vec3::from(vertex.position_m.map(f64::from)));
             if let Some(mover) = mover {
                 vertex.position_m = mover.position_m();
                 self.movers.insert(id, mover);
@@ -239,12 +239,22 @@ impl Surface {
         self.quads.get(&id)
     }
 
+    /// Whether a quad is of the object's own surface and no wall of a cut.
+    fn is_skin(&self, grid: &Grid, quad: QuadId) -> bool {
+        !matches!(grid.link(self.link_of(quad)), Link::Parted(_))
+    }
+
     /// The link a quad stands on: parted where the quad is a cut face, else of the object's own
     /// surface.
     #[must_use]
     pub fn link_of(&self, quad: QuadId) -> LinkId {
         self.lattice.link(quad / 2)
     }
+}
+
+/// A position as the surface keeps it.
+fn point(position_m: [f32; 3]) -> Vec3 {
+    Vec3::from(position_m.map(f64::from))
 }
 
 /// Splits a quad along the diagonal from its first vertex.
