@@ -5,8 +5,8 @@
 //! out what a unit takes here.
 //!
 //! A unit is a tenth of what one composite element costs in one iteration of a solve, the cycle that preconditions it
-//! included. The other costs are measured against it, on the built-in liver at 1 kHz (an iteration takes 280 us there): no
-//! result depends on them while work is unbounded. Where one is wrong by a half, time per unit differs by a tenth between
+//! included. The other costs are measured against it, on the built-in liver in a session at 1 kHz, 500 and 250 Hz, by least
+//! squares over steps (an iteration takes 200 to 300 us there): no result depends on them while work is unbounded. Where one is wrong by a half, time per unit differs by a tenth between
 //! steps that press and steps that cut, and a budget holds its time as much less exactly.
 
 use crate::solve::pcg::Effort;
@@ -14,15 +14,15 @@ use crate::solve::pcg::Effort;
 /// Work of an iteration, by element.
 const ITERATION: u64 = 10;
 /// Of beginning a solve, by element: springs on every level, the first residual.
-const SOLVE: u64 = 4;
+const SOLVE: u64 = 7;
 /// Of what a step does whatever its solves take, by element: rotations, forces, energies, right side, contacts.
-const STEP: u64 = 16;
+const STEP: u64 = 22;
 /// Of measuring a field of a contact's model against the matrix of now, by element.
-const FIELD: u64 = 3;
+const FIELD: u64 = 6;
 /// Of a station at the end of a cut at which the energy release rate is taken.
 const LOOK: u64 = 80;
 /// Of a link that parts.
-const PARTED_LINK: u64 = 600;
+const PARTED_LINK: u64 = 1500;
 
 /// What a step has done, and may do.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,16 +60,24 @@ impl WorkMeter {
         self.done += LOOK * u64::from(looks) + PARTED_LINK * u64::from(parted_links);
     }
 
-    /// Iterations on so many elements that the budget leaves; `None` where there is none.
-    pub(crate) fn iterations_left(&self, elements: usize) -> Option<u32> {
-        let left = self.budget?.saturating_sub(self.done);
-        Some((left / (ITERATION * elements.max(1) as u64)).min(u64::from(u32::MAX)) as u32)
+    /// Work by element of so many that the budget leaves; `None` where there is none.
+    fn left(&self, elements: usize) -> Option<u64> {
+        Some(self.budget?.saturating_sub(self.done) / elements.max(1) as u64)
     }
 
     /// What a solve of so many elements may take; `None` where there is no budget.
     pub(crate) fn effort(&self, elements: usize) -> Option<Effort> {
-        let iterations = self.iterations_left(elements)?;
+        let iterations = to_u32(self.left(elements)? / ITERATION);
         Some(Effort { iterations, relative_residual: self.relative_residual })
+    }
+
+    /// Of so many fields and iterations those that the budget leaves, on so many elements; one of each at least, so that a
+    /// model comes to an end. A field takes an iteration or so.
+    pub(crate) fn share_of_model(&self, elements: usize, (fields, iterations): (u32, u32)) -> (u32, u32) {
+        let Some(left) = self.left(elements) else { return (fields, iterations) };
+        let fields = fields.min(to_u32(left / (FIELD + ITERATION)).max(1));
+        let of_iterations = left.saturating_sub(FIELD * u64::from(fields)) / ITERATION;
+        (fields, iterations.min(to_u32(of_iterations).max(1)))
     }
 
     /// Whether the budget is used up.
@@ -81,4 +89,8 @@ impl WorkMeter {
     pub(crate) fn done(&self) -> u64 {
         self.done
     }
+}
+
+fn to_u32(count: u64) -> u32 {
+    count.try_into().unwrap_or(u32::MAX)
 }

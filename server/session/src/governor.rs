@@ -8,14 +8,21 @@
 use kerf_physics::SceneDesc;
 use kerf_physics::step_io::SolveReport;
 
-/// Steps of which the time of a unit is taken together: the median of so many does not see single steps that the machine
-/// was taken away from. Fewer follow it, more forget less: none of both changes a budget by a tenth while a scene is stepped.
+/// Steps of which the time of a unit is taken together. Fewer would follow single steps, more would follow a machine that
+/// gets slower too late.
 const SAMPLES: usize = 64;
-/// Steps from which on a unit is known well enough to begin with.
+/// Steps from which on a unit is known well enough to begin with, and after which it is found anew.
 pub(crate) const FIRST_SAMPLES: usize = 8;
+/// Of the samples, in ascending order, the one that counts. A unit of a step that cuts takes longer than one of a step that
+/// presses, by a half in the median: the median over all steps would make those late that cut. Single steps that the
+/// machine was taken away from are beyond it.
+const QUANTILE: f64 = 0.75;
 /// Share of the period that a step's work may take. What is left is for inputs, reports, the frame for viewers and for
 /// waking up: 0.1 ms of the 1 ms at 1 kHz, and a reserve for what the units do not foretell.
 const SHARE_OF_PERIOD: f64 = 0.75;
+/// Share that a step may take however late it begins: lost time is caught up over some steps, not by one that computes
+/// next to nothing.
+const LEAST_SHARE_OF_PERIOD: f64 = 0.25;
 /// Budgets are rounded down to eighths of an octave: small changes of speed are no change of the budget.
 const RUNGS_PER_OCTAVE: f64 = 8.0;
 /// How long no step may have been cut short before viewers hear that none is, s.
@@ -30,8 +37,10 @@ pub(crate) struct Governor {
     period_ns: f64,
     /// Nanoseconds per unit of the last steps, a ring.
     unit_ns: Vec<f64>,
-    steps: usize,
-    work_units: Option<u64>,
+    /// Samples that the ring has taken.
+    samples: usize,
+    /// What a unit is taken to cost, ns; `None` while too few steps have been taken to tell.
+    settled_unit_ns: Option<f64>,
     /// Residual that was told last, since steps were last calm; `None`: they are.
     residual: Option<f64>,
     calm_steps: u32,
@@ -44,16 +53,18 @@ impl Governor {
             relative_tolerance: desc.relative_tolerance(),
             period_ns: 1e9 / desc.rate_hz,
             unit_ns: Vec::with_capacity(SAMPLES),
-            steps: 0,
-            work_units: None,
+            samples: 0,
+            settled_unit_ns: None,
             residual: None,
             calm_steps: 0,
         }
     }
 
-    /// Work that the next step may do; `None` while too few have been taken to tell.
-    pub fn work_units(&self) -> Option<u64> {
-        self.work_units
+    /// Work that a step may do which begins so long after it was due: what fits into the time that it has. `None` while too
+    /// few have been taken to tell.
+    pub fn work_units(&self, behind_ns: u64) -> Option<u64> {
+        let share = (SHARE_OF_PERIOD - behind_ns as f64 / self.period_ns).max(LEAST_SHARE_OF_PERIOD);
+        self.settled_unit_ns.map(|unit_ns| rung(share * self.period_ns / unit_ns))
     }
 
     /// Takes in a step; returns the relative residual that solves end at from now on if that changes: the scene's
@@ -68,12 +79,15 @@ impl Governor {
     fn take_sample(&mut self, unit_ns: f64) {
         match self.unit_ns.len() < SAMPLES {
             true => self.unit_ns.push(unit_ns),
-            false => self.unit_ns[self.steps % SAMPLES] = unit_ns,
+            false => self.unit_ns[self.samples % SAMPLES] = unit_ns,
         }
-        self.steps += 1;
-        if self.steps == FIRST_SAMPLES || self.steps.is_multiple_of(SAMPLES) {
-            self.unit_ns.sort_by(f64::total_cmp);
-            self.work_units = Some(rung(SHARE_OF_PERIOD * self.period_ns / self.unit_ns[self.unit_ns.len() / 2]));
+        self.samples += 1;
+        if self.samples.is_multiple_of(FIRST_SAMPLES) {
+            let mut sorted = [0.0; SAMPLES];
+            let sorted = &mut sorted[..self.unit_ns.len()];
+            sorted.copy_from_slice(&self.unit_ns);
+            let counted = (QUANTILE * sorted.len() as f64) as usize;
+            self.settled_unit_ns = Some(*sorted.select_nth_unstable_by(counted, f64::total_cmp).1);
         }
     }
 
@@ -119,13 +133,13 @@ mod tests {
     /// The budget after steps of which a unit takes so long.
     fn settled(governor: &mut Governor, unit_ns: u64) -> u64 {
         (0..SAMPLES).for_each(|_| _ = governor.step_ended(20_000 * unit_ns, &solve(20_000)));
-        governor.work_units().expect("steps enough to tell")
+        governor.work_units(0).expect("steps enough to tell")
     }
 
     #[test]
     fn a_budget_is_what_the_machine_does_in_the_time_of_a_step() {
         let mut governor = governor();
-        assert_eq!(governor.work_units(), None, "nothing is known yet");
+        assert_eq!(governor.work_units(0), None, "nothing is known yet");
         for unit_ns in [10, 40, 160, 40] {
             let takes_ns = settled(&mut governor, unit_ns) * unit_ns;
             let most_ns = (SHARE_OF_PERIOD * MS as f64) as u64;
@@ -138,10 +152,32 @@ mod tests {
         let mut governor = governor();
         let before = settled(&mut governor, 40);
         for step in 0..4 * SAMPLES as u64 {
-            let stolen_ns = if step % 3 == 0 { 20 * MS } else { 0 };
+            let stolen_ns = if step % 5 == 0 { 20 * MS } else { 0 };
             governor.step_ended(20_000 * 40 + step % 7 * 1000 + stolen_ns, &solve(20_000));
         }
-        assert_eq!(governor.work_units(), Some(before));
+        assert_eq!(governor.work_units(0), Some(before));
+    }
+
+    #[test]
+    fn a_machine_that_gets_slower_is_followed_within_a_window_and_not_by_one_step() {
+        let mut governor = governor();
+        let before = settled(&mut governor, 30);
+        let mut steps = 0;
+        while governor.work_units(0) == Some(before) {
+            governor.step_ended(20_000 * 60, &solve(20_000));
+            steps += 1;
+        }
+        assert!((SAMPLES / 8..SAMPLES / 2).contains(&steps), "{steps} steps");
+        assert_eq!(governor.work_units(0), Some(settled(&mut governor, 60)));
+    }
+
+    #[test]
+    fn a_step_that_begins_late_has_the_time_that_is_left_and_never_none() {
+        let mut governor = governor();
+        let whole = settled(&mut governor, 40);
+        let of = |behind_ns| governor.work_units(behind_ns).unwrap() as f64 / whole as f64;
+        assert!((of(MS / 4) - 2.0 / 3.0).abs() < 0.1, "{}", of(MS / 4));
+        assert!((of(10 * MS) - 1.0 / 3.0).abs() < 0.05, "{}", of(10 * MS));
     }
 
     #[test]

@@ -1,13 +1,18 @@
 //! Which threads get the machine first: those that step, then the network's, then those that work for the eye.
 //!
-//! A thread that steps asks for real-time priority. Where it may not have it, it stays as it is, and what is done for viewers
-//! and for the record is below it either way: that asks for no permission.
+//! What is done for viewers and for the record is below the rest, which asks for no permission. Threads that step are above
+//! it, where they may be: a session that a hand drives steps with real-time priority while a core is left to all else, the
+//! others are favoured among ordinary threads.
+//!
+//! Real-time threads keep off the first core, and are fewer than the cores: what arrives from the network waits for no step.
+//! Where sixteen sessions, four of them cut, stepped on both of two cores with real-time priority, one pose in a hundred
+//! waited for 60 to 90 ms.
 
-use std::sync::Once;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Once, OnceLock};
 
 use rustix::process::{getpriority_process, setpriority_process};
-use rustix::thread::gettid;
+use rustix::thread::{CpuSet, gettid, sched_getaffinity, sched_setaffinity};
 use thread_priority::unix::{set_thread_priority_and_policy, thread_native_id};
 use thread_priority::{
     Error, NormalThreadSchedulePolicy, RealtimeThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy,
@@ -20,39 +25,34 @@ pub const REAL_TIME_PRIORITY: u8 = 10;
 /// for 60 states a second of the liver, and all of what nobody else uses.
 const NICENESS_OF_VIEWING: i32 = 10;
 
+/// Niceness of a thread that steps without real-time priority: it gets ten times as much of a core as an ordinary thread
+/// that wants the same one, which still gets what little it wants within milliseconds.
+const NICENESS_OF_FAVOURED: i32 = -10;
+
 /// What the library takes for the niceness 0 of an ordinary thread, of 0 to 99.
 const NICENESS_ZERO: u8 = 47;
-/// Thousandths of a core in a core: what shares are counted in.
-const SHARES_PER_CORE: f64 = 1000.0;
+/// Share of a core that a thread with real-time priority may keep busy: from one that leaves next to nothing the kernel takes
+/// the core for 50 ms of a second at once, for the sake of the others that wait.
+const MOST_LOAD: f64 = 0.8;
 
-/// What threads with real-time priority may keep busy, in thousandths of a core.
+/// Threads that have a claim to real-time priority.
 static REAL_TIME: AtomicUsize = AtomicUsize::new(0);
 
-/// Share of two cores that such threads may keep busy; of more, all but one. Sessions that do not keep their rates then keep
-/// nobody from reaching them. With one core of two left, those of six that cut a liver at 60 Hz in its deepest had it in turns.
-const SHARE_OF_TWO_CORES: f64 = 0.65;
-
-/// Real-time priority for threads that keep so much of the cores busy, for as long as this lives.
+/// A claim to real-time priority for so many threads, for as long as this lives.
 pub(crate) struct RealTime {
-    shares: usize,
+    threads: usize,
 }
 
 impl RealTime {
-    /// Claims it for threads that keep so many cores busy; `None` where others leave too little.
-    pub fn claim(load: f64) -> Option<Self> {
+    /// Claims it; `None` where no core would be left to the others.
+    pub fn claim(threads: usize) -> Option<Self> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        // At least one share: a single core is everybody's.
-        let shares = ((load * SHARES_PER_CORE).ceil() as usize).max(1);
         // Made only where it was claimed: what is dropped gives it back.
-        Self::claim_of(&REAL_TIME, shares, cores).then(|| Self { shares })
+        Self::claim_of(&REAL_TIME, threads, cores).then(|| Self { threads })
     }
 
-    fn claim_of(taken: &AtomicUsize, shares: usize, cores: usize) -> bool {
-        let most = match cores {
-            2 => SHARE_OF_TWO_CORES * 2.0 * SHARES_PER_CORE,
-            cores => (cores - 1) as f64 * SHARES_PER_CORE,
-        };
-        let more = |taken: usize| Some(taken + shares).filter(|taken| *taken as f64 <= most);
+    fn claim_of(taken: &AtomicUsize, threads: usize, cores: usize) -> bool {
+        let more = |taken: usize| Some(taken + threads).filter(|taken| *taken < cores);
         taken.fetch_update(Ordering::AcqRel, Ordering::Acquire, more).is_ok()
     }
 
@@ -60,6 +60,10 @@ impl RealTime {
     pub fn begin(&self) {
         static TOLD: Once = Once::new();
         let asked = schedule(ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo), REAL_TIME_PRIORITY);
+        match asked {
+            Ok(()) => run_on(&Cores::of_process().real_time),
+            Err(_) => favour(),
+        }
         TOLD.call_once(|| match asked {
             Ok(()) => tracing::info!(priority = REAL_TIME_PRIORITY, "sessions step with real-time priority"),
             Err(error) => tracing::info!(
@@ -73,17 +77,50 @@ impl RealTime {
 
 impl Drop for RealTime {
     fn drop(&mut self) {
-        REAL_TIME.fetch_sub(self.shares, Ordering::AcqRel);
+        REAL_TIME.fetch_sub(self.threads, Ordering::AcqRel);
     }
 }
 
-/// Back to what threads begin with.
-fn end() {
-    // The library sets a niceness with the policy, and may not where the process has a greater one.
-    let niceness = getpriority_process(Some(gettid())).unwrap_or_default();
+/// From real-time priority to an ordinary one of this niceness, where it may be had.
+fn end(niceness: i32) {
     let ended = schedule(ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other), NICENESS_ZERO);
-    let restored = setpriority_process(Some(gettid()), niceness);
-    tracing::debug!(?ended, ?restored, "a session steps with ordinary priority: others need the machine too");
+    let niced = setpriority_process(Some(gettid()), niceness);
+    run_on(&Cores::of_process().all);
+    tracing::debug!(?ended, ?niced, "a session steps without real-time priority");
+}
+
+/// Puts the calling thread above ordinary ones, where it may be.
+pub(crate) fn favour() {
+    if let Err(error) = setpriority_process(Some(gettid()), NICENESS_OF_FAVOURED) {
+        tracing::debug!(%error, "a thread that steps is not favoured");
+    }
+}
+
+/// Cores that this process may run on, of those that the machine has.
+struct Cores {
+    all: CpuSet,
+    /// All but the first.
+    real_time: CpuSet,
+}
+
+impl Cores {
+    /// As they were when a thread first asked for real-time priority.
+    fn of_process() -> &'static Self {
+        static OF_PROCESS: OnceLock<Cores> = OnceLock::new();
+        OF_PROCESS.get_or_init(|| {
+            let all = sched_getaffinity(None).unwrap_or_else(|_| CpuSet::new());
+            let mut real_time = all.clone();
+            (0..CpuSet::MAX_CPU).find(|core| all.is_set(*core)).into_iter().for_each(|first| real_time.unset(first));
+            Self { all, real_time }
+        })
+    }
+}
+
+/// Keeps the calling thread on these cores. It may run on all of them where that cannot be had.
+fn run_on(cores: &CpuSet) {
+    if let Err(error) = sched_setaffinity(None, cores) {
+        tracing::debug!(%error, "a thread could not be kept on its cores");
+    }
 }
 
 fn schedule(policy: ThreadSchedulePolicy, priority: u8) -> Result<(), Error> {
@@ -91,27 +128,61 @@ fn schedule(policy: ThreadSchedulePolicy, priority: u8) -> Result<(), Error> {
     set_thread_priority_and_policy(thread_native_id(), priority, policy)
 }
 
-/// Keeps the calling thread at real-time priority while all that have it leave a core to the rest. Many sessions that cost
-/// little have it together; those that come to cost too much step as everybody else.
+/// What a session asks of the machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Demand {
+    /// Share of a core that its steps keep busy.
+    pub load: f64,
+    /// Whether somebody drives a tool in it, who feels what is late.
+    pub is_driven: bool,
+}
+
+/// What the calling thread has of the machine before others.
 #[derive(Default)]
+enum Rank {
+    /// As much as others: no deadline waits for it.
+    #[default]
+    Ordinary,
+    /// More than others, where both want a core.
+    Favoured,
+    /// A core whenever it wants one.
+    RealTime(RealTime),
+}
+
+/// Gives the calling thread the rank that its session's demand asks for and the other sessions leave.
 pub(crate) struct Following {
-    load: Option<f64>,
-    real_time: Option<RealTime>,
+    rank: Rank,
+    /// Niceness of the thread when it began.
+    niceness: i32,
 }
 
 impl Following {
-    /// The thread keeps so much of a core busy. `None`: its steps have no deadline.
-    pub fn follow(&mut self, load: Option<f64>) {
-        if self.real_time.is_some() && load == self.load {
+    /// Of the calling thread, which has no deadline yet.
+    pub fn begin() -> Self {
+        Self { rank: Rank::Ordinary, niceness: getpriority_process(Some(gettid())).unwrap_or_default() }
+    }
+
+    /// `None`: the session's steps have no deadline.
+    pub fn follow(&mut self, demand: Option<Demand>) {
+        let may_claim = demand.is_some_and(|demand| demand.is_driven && demand.load < MOST_LOAD);
+        let rank = match std::mem::take(&mut self.rank) {
+            Rank::RealTime(real_time) if may_claim => return self.rank = Rank::RealTime(real_time),
+            before => before,
+        };
+        let was = std::mem::discriminant(&rank);
+        drop(rank);
+        self.rank = match may_claim.then(|| RealTime::claim(1)).flatten() {
+            Some(real_time) => Rank::RealTime(real_time),
+            None if demand.is_some() => Rank::Favoured,
+            None => Rank::Ordinary,
+        };
+        if was == std::mem::discriminant(&self.rank) {
             return;
         }
-        self.load = load;
-        let had = self.real_time.take().is_some();
-        self.real_time = load.and_then(RealTime::claim);
-        match &self.real_time {
-            Some(real_time) if !had => real_time.begin(),
-            None if had => end(),
-            _ => {}
+        match &self.rank {
+            Rank::RealTime(real_time) => real_time.begin(),
+            Rank::Favoured => end(NICENESS_OF_FAVOURED.min(self.niceness)),
+            Rank::Ordinary => end(self.niceness),
         }
     }
 }
@@ -130,30 +201,49 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_core_is_left_to_all_else_and_a_third_of_two() {
-        let two = AtomicUsize::new(0);
-        assert_eq!([1300, 1].map(|shares| RealTime::claim_of(&two, shares, 2)), [true, false]);
+    fn one_core_is_left_to_all_else() {
         let taken = AtomicUsize::new(0);
-        let claim = |shares| RealTime::claim_of(&taken, shares, 4);
-        assert_eq!([claim(1000), claim(2500), claim(2000), claim(1)], [true, false, true, false]);
+        let claim = |threads| RealTime::claim_of(&taken, threads, 4);
+        assert_eq!([claim(1), claim(3), claim(2), claim(1)], [true, false, true, false]);
         assert!(!RealTime::claim_of(&AtomicUsize::new(0), 1, 1), "the only core is everybody's");
     }
 
     #[test]
-    fn a_thread_has_real_time_priority_while_it_has_deadlines_and_its_load_leaves_a_core_to_all_else() {
+    fn a_thread_has_real_time_priority_off_the_first_core_while_a_hand_waits_for_it() {
         let policy = || thread_schedule_policy_param(thread_native_id()).unwrap().0;
         let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-        let cores = std::thread::available_parallelism().unwrap().get() as f64;
-        let policies = std::thread::spawn(move || {
-            let mut following = Following::default();
-            [Some(0.01), Some(cores), Some(0.02), None].map(|load| {
-                following.follow(load);
-                policy()
+        let cores = |set: CpuSet| (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect::<Vec<_>>();
+        let all = cores(sched_getaffinity(None).unwrap());
+        let driven = |load| Some(Demand { load, is_driven: true });
+        let watched = Some(Demand { load: 0.01, is_driven: false });
+        let followed = std::thread::spawn(move || {
+            let mut following = Following::begin();
+            [driven(0.01), driven(MOST_LOAD), driven(0.02), watched, driven(0.02), None].map(|demand| {
+                following.follow(demand);
+                (policy() == fifo, cores(sched_getaffinity(None).unwrap()))
             })
         });
-        let policies = policies.join().unwrap();
         let may_have_it = schedule_is_permitted();
-        assert_eq!(policies.map(|policy| policy == fifo), [may_have_it, false, may_have_it, false], "{policies:?}");
+        let (has, has_not) = ((may_have_it, all[usize::from(may_have_it)..].to_vec()), (false, all));
+        let expected = [&has, &has_not, &has, &has_not, &has, &has_not].map(Clone::clone);
+        assert_eq!(followed.join().unwrap(), expected);
+    }
+
+    #[test]
+    fn a_thread_with_deadlines_is_favoured_among_ordinary_ones_where_it_may_be() {
+        let niceness = || getpriority_process(Some(gettid())).unwrap();
+        let (before, favoured, after, may_be) = std::thread::spawn(move || {
+            let (mut following, before) = (Following::begin(), niceness());
+            following.follow(Some(Demand { load: 0.1, is_driven: false }));
+            let favoured = niceness();
+            following.follow(None);
+            let after = niceness();
+            (before, favoured, after, setpriority_process(Some(gettid()), NICENESS_OF_FAVOURED).is_ok())
+        })
+        .join()
+        .unwrap();
+        assert_eq!(favoured, if may_be { NICENESS_OF_FAVOURED.min(before) } else { before });
+        assert!(after == before || !may_be);
     }
 
     /// Whether this process may have real-time priority, and there is a core for it.

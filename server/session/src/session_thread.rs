@@ -104,7 +104,7 @@ fn run_shown(core: SessionCore, projector: Projector, inbox: &Inbox, stepping: &
 fn run(mut core: SessionCore, inbox: &Inbox, pool: Option<&ThreadPool>) {
     let workers = pool.map_or_else(Workers::serial, Workers::of);
     core.warm_up(&workers, &MonotonicClock);
-    let mut priority = Following::default();
+    let mut priority = Following::begin();
     let mut wake = Wake::At(MonotonicClock::now_ns());
     loop {
         match wake {
@@ -115,7 +115,7 @@ fn run(mut core: SessionCore, inbox: &Inbox, pool: Option<&ThreadPool>) {
             Wake::Never => return,
         }
         if pool.is_none() {
-            priority.follow(core.due_load());
+            priority.follow(core.demand());
         }
         core.obey_commands();
         wake = core.tick(MonotonicClock::now_ns(), &workers, &MonotonicClock);
@@ -135,12 +135,15 @@ impl Stepping {
         if threads <= 1 {
             return Ok(Self { pool: None, _real_time: None });
         }
-        let real_time = RealTime::claim(threads as f64).map(Arc::new);
+        let real_time = RealTime::claim(threads).map(Arc::new);
         let of_pool = real_time.clone();
         let pool = ThreadPoolBuilder::new()
             .num_threads(threads)
             .thread_name(|i| format!("kerf-worker-{i}"))
-            .start_handler(move |_| of_pool.iter().for_each(|real_time| real_time.begin()));
+            .start_handler(move |_| match &of_pool {
+                Some(real_time) => real_time.begin(),
+                None => priority::favour(),
+            });
         let pool = pool.build().map_err(|error| SessionError::NoThread { message: error.to_string() })?;
         Ok(Self { pool: Some(pool), _real_time: real_time })
     }

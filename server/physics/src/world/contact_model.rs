@@ -35,6 +35,9 @@ const FIELDS: u32 = 6;
 const MOST_ITERATIONS: u32 = 12;
 /// The same at a first touch, without fields to start from: jaws that close need 30.
 const MOST_AT_FIRST: u32 = 36;
+/// Steps that a model in the making waits in a row where their work is used up. A session that is late at every step so has
+/// a model after 18 steps instead of 6, and its steps take .2 to .6 ms less.
+const MOST_WAITS: u32 = 2;
 /// Relative pivot below which a field is dropped as linearly dependent. Between 1e-12 and 1e-6 no error changes: fields
 /// are either independent or copies up to rounding.
 const LEAST_PIVOT: f64 = 1e-9;
@@ -70,6 +73,8 @@ pub(super) struct ToolModel {
     fields_left: u32,
     /// Iterations that are left for it.
     iterations_left: u32,
+    /// Steps in a row in which it has waited.
+    waited: u32,
 }
 
 /// How a body answers to a tool.
@@ -172,6 +177,13 @@ impl ToolModel {
         self.fields_left > 0
     }
 
+    /// Leaves a step whose work is used up to the others, unless it has waited for long or nothing is felt yet.
+    pub(super) fn waits(&mut self) -> bool {
+        let waits = self.felt.is_some() && self.waited < MOST_WAITS;
+        self.waited = if waits { self.waited + 1 } else { 0 };
+        waits
+    }
+
     /// What the tool feels is forgotten: it touches nothing.
     pub(super) fn forget(&mut self) {
         (self.felt, self.fields_left) = (None, 0);
@@ -190,12 +202,9 @@ impl ToolModel {
     ) {
         let presses = |slot: &BodySlot| presses(slot, parts());
         let elements = slots.iter().filter(|slot| presses(slot)).map(|slot| slot.body.base().elements.len()).sum();
-        // A field takes an iteration or so.
-        let allowed = work.iterations_left(elements).unwrap_or(u32::MAX);
-        let fields = self.fields_left.min(allowed.max(1));
+        let (fields, mut left) = work.share_of_model(elements, (self.fields_left, self.iterations_left));
         self.fields_left -= fields;
         let mut felt: Option<Felt> = None;
-        let mut left = self.iterations_left.min(allowed.max(1));
         for (body, slot) in slots.iter_mut().enumerate().filter(|(_, slot)| presses(slot)) {
             load(body, slot);
             let springs = &mut self.springs;

@@ -29,6 +29,9 @@ pub(super) fn go_on(workers: &Workers<'_>, description: &Description, state: &mu
             model.forget();
             continue;
         };
+        if work.is_spent() && model.waits() {
+            continue;
+        }
         let load = |body: usize, slot: &mut BodySlot| {
             let dt_s = slot.body.quasi_static_dt_s();
             slot.set_quasi_static_springs(tissue.iter().flat_map(|tissue| tissue.point_springs(body, dt_s)), dt_s);

@@ -52,6 +52,7 @@ use crate::limits::{SessionLimits, to_ns};
 use crate::overload::OverloadWatch;
 use crate::pacer::{Pace, Pacer};
 use crate::past::Past;
+use crate::priority::Demand;
 use crate::projector::Projector;
 use crate::publisher::Publisher;
 use crate::shortfall::ShortfallWatch;
@@ -269,10 +270,13 @@ impl SessionCore {
         }
     }
 
-    /// Cores that its steps keep busy: of the last whole second, or more where this one has come to more. `None` where
-    /// nothing is due: steps that calls ask for are taken as fast as they can, and leave the machine to those that are.
-    pub fn due_load(&self) -> Option<f64> {
-        (self.phase == Phase::Running).then(|| f64::max(self.admitted.load.measured(), self.meter.so_far()))
+    /// What it asks of the machine: its load is that of the last whole second, or more where this one has come to more.
+    /// `None` where nothing is due: steps that calls ask for are taken as fast as they can, and leave the machine to those
+    /// that are.
+    pub fn demand(&self) -> Option<Demand> {
+        let load = f64::max(self.admitted.load.measured(), self.meter.so_far());
+        let is_driven = self.tools.holders.iter().any(Option::is_some);
+        (self.phase == Phase::Running).then_some(Demand { load, is_driven })
     }
 
     fn take_step(&mut self, started_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
@@ -281,7 +285,8 @@ impl SessionCore {
         self.tell_leases();
         let models = self.models.due(started_ns, &self.tools.model_intervals_ns, &self.world.output().tools);
         // A session that stands takes its steps for whoever asks, who waits for them.
-        let work_units = self.governor.work_units().filter(|_| self.phase == Phase::Running);
+        let behind_ns = started_ns.saturating_sub(self.pacer.deadline_ns());
+        let work_units = self.governor.work_units(behind_ns).filter(|_| self.phase == Phase::Running);
         let inputs = StepInputs { tools: &self.tools.inputs, work_units, models };
         let output = self.world.step(workers, clock, &inputs);
         let ended_ns = clock.now_ns();
