@@ -21,7 +21,7 @@ pub use edge::{EdgeDesc, MAX_EDGE_POINTS};
 pub use load::{Face, LoadDesc};
 pub use material::{MaterialDesc, PrestrainDesc, RateDesc, ViscosityDesc};
 pub use object::{ElementKind, FinerDesc, FractureRule, ObjectDesc, RegionDesc, default_level};
-pub use shape::{Meshes, PlacedMesh, ShapeDesc, TriangleMesh};
+pub use shape::{Meshes, PlacedMesh, ShapeDesc, Strays, TriangleMesh};
 pub use tool::{BladeDesc, CapsuleDesc, GrasperDesc, ScissorsDesc, ToolDesc, ToolShapeDesc};
 
 use schemars::JsonSchema;

@@ -13,6 +13,17 @@ pub struct TriangleMesh {
     pub positions: Vec<[f64; 3]>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
+    /// What of the file is no part of it.
+    pub strays: Strays,
+}
+
+/// Pieces of a segmentation that are too small to be meant, which are left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Strays {
+    /// How many.
+    pub pieces: usize,
+    /// Voxels of the file in all of them.
+    pub voxels: usize,
 }
 
 /// A solid shape, scene frame.

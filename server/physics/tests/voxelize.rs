@@ -293,6 +293,7 @@ fn cube_mesh(side: f64) -> TriangleMesh {
     TriangleMesh {
         positions: (0..8).map(corner).collect(),
         triangles: quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect(),
+        ..TriangleMesh::default()
     }
 }
 
@@ -369,6 +370,7 @@ fn meshes_without_an_inside_are_refused_with_the_reason() {
     let corner = TriangleMesh {
         positions: vec![[0.0; 3], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]],
         triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        ..TriangleMesh::default()
     };
     let message = refused(corner);
     assert!(message.contains("thinner than a voxel"), "{message}");

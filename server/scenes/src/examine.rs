@@ -7,7 +7,7 @@ use kerf_physics::grid::voxelize::region_voxels;
 use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut, VoxelId};
 use kerf_physics::making::Making;
 use kerf_physics::scene::toughness::{carries, composite_edge_m};
-use kerf_physics::scene::{LoadDesc, ObjectDesc, ShapeDesc};
+use kerf_physics::scene::{LoadDesc, ObjectDesc, PlacedMesh, ShapeDesc, Strays};
 use kerf_physics::surface::Surface;
 use kerf_physics::{Scene, SceneError, SceneProblems, SoundScene, World};
 
@@ -94,13 +94,27 @@ impl Remarks<'_> {
     }
 
     fn meshes(&mut self) {
-        let mut named: Vec<&str> = Vec::new();
+        let mut named: Vec<String> = Vec::new();
         for shape in self.object.shapes() {
-            let ShapeDesc::Mesh { file, .. } = shape else { continue };
-            if let Some(mesh) = self.scene.meshes.get(file).filter(|_| !named.contains(&file.as_str())) {
+            let (ShapeDesc::Mesh { file, .. } | ShapeDesc::LabelMap { file, .. }) = shape else { continue };
+            let Some(PlacedMesh { key, .. }) = shape.mesh().filter(|mesh| !named.contains(&mesh.key)) else { continue };
+            let Some(mesh) = self.scene.meshes.get(&key) else { continue };
+            self.strays(file, mesh.strays);
+            // The surface of labels is closed.
+            if let ShapeDesc::Mesh { .. } = shape {
                 mesh_faults(mesh).into_iter().for_each(|fault| self.warn("", format!("{file}: {fault}")));
-                named.push(file);
             }
+            named.push(key);
+        }
+    }
+
+    fn strays(&mut self, file: &str, Strays { pieces, voxels }: Strays) {
+        if pieces > 0 {
+            let message = format!(
+                "{file}: {pieces} of the labels' pieces are left out, {voxels} of the file's voxels: each has less than a \
+                 thousandth of the largest piece's voxels"
+            );
+            self.warn("", message);
         }
     }
 
@@ -401,7 +415,7 @@ mod tests {
         scene.desc.tracked_points.clear();
         let positions = vec![[-0.04, 0.0, -0.04], [0.08, 0.0, -0.04], [-0.04, 0.0, 0.08], [-0.04, 0.09, -0.04]];
         let triangles = vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 2, 3]];
-        scene.meshes.insert("tetrahedron.obj".into(), TriangleMesh { positions, triangles });
+        scene.meshes.insert("tetrahedron.obj".into(), TriangleMesh { positions, triangles, ..TriangleMesh::default() });
         let told = told(&scene);
         let [fault, thin_corners] = &told[..] else { panic!("{told:?}") };
         assert!(fault.contains("tetrahedron.obj: the mesh is wound inconsistently"), "{fault}");

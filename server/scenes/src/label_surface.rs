@@ -10,7 +10,7 @@
 
 use std::collections::BTreeMap;
 
-use kerf_physics::scene::TriangleMesh;
+use kerf_physics::scene::{Strays, TriangleMesh};
 use nalgebra::Vector3;
 
 use crate::label_map::LabelMap;
@@ -45,6 +45,7 @@ pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, St
     let filled = Filled::without_strays(map, |label| label != 0 && (labels.is_empty() || labels.contains(&label)));
     let is_wanted = |voxel| filled.has(voxel);
     let mut nets = Nets { map, vertices: BTreeMap::new(), crossings: Vec::new(), quads: Vec::new() };
+    let strays = filled.strays;
     let mut occupancies = BTreeMap::new();
     let mut share = |voxel| *occupancies.entry(voxel).or_insert_with(|| occupancy(voxel, is_wanted));
     let [nx, ny, nz] = map.dims.map(|n| n as i64);
@@ -63,13 +64,15 @@ pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, St
             }
         }
     }
-    Ok(nets.finish())
+    Ok(TriangleMesh { strays, ..nets.finish() })
 }
 
 /// Voxels that are inside.
 struct Filled<'a> {
     map: &'a LabelMap,
     is_filled: Vec<bool>,
+    /// What is not among them, though its label is wanted.
+    strays: Strays,
 }
 
 impl<'a> Filled<'a> {
@@ -78,16 +81,18 @@ impl<'a> Filled<'a> {
     fn without_strays(map: &'a LabelMap, is_wanted: impl Fn(u16) -> bool) -> Self {
         let is_filled: Vec<bool> = map.labels.iter().map(|label| is_wanted(*label)).collect();
         let mut pieces = Vec::new();
-        let mut left = Self { map, is_filled: is_filled.clone() };
+        let mut left = Self { map, is_filled: is_filled.clone(), strays: Strays::default() };
         for first in 0..is_filled.len() {
             if left.is_filled[first] {
                 pieces.push((left.take_piece(first), first));
             }
         }
-        let mut filled = Self { map, is_filled };
+        let mut filled = Self { map, is_filled, strays: Strays::default() };
         let largest = pieces.iter().map(|(voxels, _)| *voxels).max().unwrap_or_default();
-        for (_, first) in pieces.into_iter().filter(|(voxels, _)| STRAY * voxels < largest) {
+        for (voxels, first) in pieces.into_iter().filter(|(voxels, _)| STRAY * voxels < largest) {
             filled.take_piece(first);
+            filled.strays.pieces += 1;
+            filled.strays.voxels += voxels;
         }
         filled
     }
@@ -203,6 +208,7 @@ impl Nets<'_> {
         TriangleMesh {
             positions: points.iter().map(place).collect(),
             triangles: self.quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect(),
+            ..TriangleMesh::default()
         }
     }
 

@@ -10,6 +10,7 @@ use kerf_physics::Vec3;
 use kerf_physics::grid::Grid;
 use kerf_physics::grid::voxelize::voxelize;
 use kerf_scenes::catalog;
+use kerf_scenes::examine::examine;
 use nalgebra::{Matrix3, Rotation3};
 
 const HEADER_BYTES: usize = 352;
@@ -238,7 +239,7 @@ fn broken_files_are_refused_with_the_field() {
 }
 
 #[test]
-fn strays_of_a_segmentation_do_not_stretch_the_object() {
+fn strays_of_a_segmentation_do_not_stretch_the_object_and_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let alone = ball_in_ball();
     let mut strewn = ball_in_ball();
@@ -251,4 +252,11 @@ fn strays_of_a_segmentation_do_not_stretch_the_object() {
     let [alone, strewn] = [alone, strewn].map(|map| load(folder.path(), &map.bytes(), &scene_text("")).unwrap());
     assert_eq!((strewn.dims(), strewn.voxels().len()), (alone.dims(), alone.voxels().len()));
     assert!((strewn.origin_m() - alone.origin_m()).norm() < 1e-12);
+    let scene = catalog::load(folder.path().join("scene.toml").to_str().unwrap()).unwrap();
+    let warnings = examine(&scene, &mut |_| ()).unwrap().warnings;
+    let told: Vec<String> = warnings.iter().map(ToString::to_string).filter(|text| text.contains("left out")).collect();
+    assert!(
+        matches!(&told[..], [one] if one.contains("m.nii.gz: 4 of the labels' pieces") && one.contains("11 of the file's voxels")),
+        "{told:?}"
+    );
 }

@@ -65,7 +65,11 @@ pub fn scene(header: &v1::RecordingHeader) -> Result<Scene> {
     let desc = SceneDesc::from_toml("scene_toml", &header.scene_toml)?;
     let mut meshes = Meshes::new();
     for mesh in &header.meshes {
-        let read = TriangleMesh { positions: arrays(&mesh.positions)?, triangles: arrays(&mesh.triangles)? };
+        let read = TriangleMesh {
+            positions: arrays(&mesh.positions)?,
+            triangles: arrays(&mesh.triangles)?,
+            ..TriangleMesh::default()
+        };
         let vertices = read.positions.len();
         let is_whole = read.triangles.iter().flatten().all(|&vertex| (vertex as usize) < vertices);
         ensure!(is_whole, "mesh {}: a triangle has a vertex beyond its {vertices}", mesh.name);
