@@ -109,7 +109,7 @@ impl Cores {
         static OF_PROCESS: OnceLock<Cores> = OnceLock::new();
         OF_PROCESS.get_or_init(|| {
             let all = sched_getaffinity(None).unwrap_or_else(|_| CpuSet::new());
-            let mut real_time = all.clone();
+            let mut real_time = all;
             (0..CpuSet::MAX_CPU).find(|core| all.is_set(*core)).into_iter().for_each(|first| real_time.unset(first));
             Self { all, real_time }
         })
