@@ -18,8 +18,9 @@ pub(crate) const FIRST_SAMPLES: usize = 8;
 /// machine was taken away from are beyond it.
 const QUANTILE: f64 = 0.75;
 /// Share of the period that a step's work may take. What is left is for inputs, reports, the frame for viewers and for
-/// waking up: 0.1 ms of the 1 ms at 1 kHz, and a reserve for what the units do not foretell.
-const SHARE_OF_PERIOD: f64 = 0.75;
+/// waking up: 0.1 ms of the 1 ms at 1 kHz, and a reserve for what the units do not foretell. With 0.75 three to four times as
+/// many steps of the demo's liver were late at 250 Hz.
+const SHARE_OF_PERIOD: f64 = 0.65;
 /// Share that a step may take however late it begins: lost time is caught up over some steps, not by one that computes
 /// next to nothing.
 const LEAST_SHARE_OF_PERIOD: f64 = 0.25;
@@ -176,8 +177,10 @@ mod tests {
         let mut governor = governor();
         let whole = settled(&mut governor, 40);
         let of = |behind_ns| governor.work_units(behind_ns).unwrap() as f64 / whole as f64;
-        assert!((of(MS / 4) - 2.0 / 3.0).abs() < 0.1, "{}", of(MS / 4));
-        assert!((of(10 * MS) - 1.0 / 3.0).abs() < 0.05, "{}", of(10 * MS));
+        // Budgets are rounded, each by an eighth at most.
+        let is = |behind_ns, share: f64| (of(behind_ns) * SHARE_OF_PERIOD / share - 1.0).abs() < 0.125;
+        assert!(is(MS / 4, SHARE_OF_PERIOD - 0.25), "{}", of(MS / 4));
+        assert!(is(10 * MS, LEAST_SHARE_OF_PERIOD), "{}", of(10 * MS));
     }
 
     #[test]
