@@ -24,11 +24,9 @@ pub const REAL_TIME_PRIORITY: u8 = 10;
 /// Niceness of what is done for the eye and the record: beside a thread that steps at 0 it gets a tenth of a core, enough
 /// for 60 states a second of the liver, and all of what nobody else uses.
 const NICENESS_OF_VIEWING: i32 = 10;
-
 /// Niceness of a thread that steps without real-time priority: it gets ten times as much of a core as an ordinary thread
 /// that wants the same one, which still gets what little it wants within milliseconds.
 const NICENESS_OF_FAVOURED: i32 = -10;
-
 /// What the library takes for the niceness 0 of an ordinary thread, of 0 to 99.
 const NICENESS_ZERO: u8 = 47;
 /// Share of a core that a thread with real-time priority may keep busy: from one that leaves next to nothing the kernel takes
@@ -46,7 +44,7 @@ pub(crate) struct RealTime {
 impl RealTime {
     /// Claims it; `None` where no core would be left to the others.
     pub fn claim(threads: usize) -> Option<Self> {
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let cores = Cores::of_process().count;
         // Made only where it was claimed: what is dropped gives it back.
         Self::claim_of(&REAL_TIME, threads, cores).then(|| Self { threads })
     }
@@ -81,7 +79,7 @@ impl Drop for RealTime {
     }
 }
 
-/// From real-time priority to an ordinary one of this niceness, where it may be had.
+/// To an ordinary priority of this niceness, where it may be had, and any core.
 fn end(niceness: i32) {
     let ended = schedule(ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other), NICENESS_ZERO);
     let niced = setpriority_process(Some(gettid()), niceness);
@@ -89,29 +87,32 @@ fn end(niceness: i32) {
     tracing::debug!(?ended, ?niced, "a session steps without real-time priority");
 }
 
-/// Puts the calling thread above ordinary ones, where it may be.
+/// Puts the calling thread above ordinary ones, where it may be and is not yet.
 pub(crate) fn favour() {
-    if let Err(error) = setpriority_process(Some(gettid()), NICENESS_OF_FAVOURED) {
+    let niceness = getpriority_process(Some(gettid())).unwrap_or_default();
+    if let Err(error) = setpriority_process(Some(gettid()), NICENESS_OF_FAVOURED.min(niceness)) {
         tracing::debug!(%error, "a thread that steps is not favoured");
     }
 }
 
 /// Cores that this process may run on, of those that the machine has.
 struct Cores {
+    /// How many it may keep busy: a quota may allow fewer than it may run on. Asked once: files tell of the quota.
+    count: usize,
     all: CpuSet,
     /// All but the first.
     real_time: CpuSet,
 }
 
 impl Cores {
-    /// As they were when a thread first asked for real-time priority.
+    /// As they were when a thread first had a claim to real-time priority, before any was kept off the first.
     fn of_process() -> &'static Self {
         static OF_PROCESS: OnceLock<Cores> = OnceLock::new();
         OF_PROCESS.get_or_init(|| {
             let all = sched_getaffinity(None).unwrap_or_else(|_| CpuSet::new());
             let mut real_time = all;
             (0..CpuSet::MAX_CPU).find(|core| all.is_set(*core)).into_iter().for_each(|first| real_time.unset(first));
-            Self { all, real_time }
+            Self { count: std::thread::available_parallelism().map_or(1, usize::from), all, real_time }
         })
     }
 }
@@ -138,10 +139,8 @@ pub struct Demand {
 }
 
 /// What the calling thread has of the machine before others.
-#[derive(Default)]
 enum Rank {
     /// As much as others: no deadline waits for it.
-    #[default]
     Ordinary,
     /// More than others, where both want a core.
     Favoured,
@@ -165,24 +164,23 @@ impl Following {
     /// `None`: the session's steps have no deadline.
     pub fn follow(&mut self, demand: Option<Demand>) {
         let may_claim = demand.is_some_and(|demand| demand.is_driven && demand.load < MOST_LOAD);
-        let rank = match std::mem::take(&mut self.rank) {
-            Rank::RealTime(real_time) if may_claim => return self.rank = Rank::RealTime(real_time),
-            before => before,
-        };
-        let was = std::mem::discriminant(&rank);
-        drop(rank);
-        self.rank = match may_claim.then(|| RealTime::claim(1)).flatten() {
+        if may_claim && matches!(self.rank, Rank::RealTime(_)) {
+            return;
+        }
+        let rank = match may_claim.then(|| RealTime::claim(1)).flatten() {
             Some(real_time) => Rank::RealTime(real_time),
             None if demand.is_some() => Rank::Favoured,
             None => Rank::Ordinary,
         };
-        if was == std::mem::discriminant(&self.rank) {
-            return;
-        }
-        match &self.rank {
-            Rank::RealTime(real_time) => real_time.begin(),
-            Rank::Favoured => end(NICENESS_OF_FAVOURED.min(self.niceness)),
-            Rank::Ordinary => end(self.niceness),
+        let before = std::mem::replace(&mut self.rank, rank);
+        match (&before, &self.rank) {
+            (Rank::Favoured, Rank::Favoured) | (Rank::Ordinary, Rank::Ordinary) => {}
+            (_, Rank::RealTime(real_time)) => real_time.begin(),
+            (_, Rank::Favoured) => {
+                end(self.niceness);
+                favour();
+            }
+            (_, Rank::Ordinary) => end(self.niceness),
         }
     }
 }
