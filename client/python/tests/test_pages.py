@@ -9,7 +9,8 @@ import pytest
 from conftest import PROGRAM, REPOSITORY
 
 RAY = "docs/how-to/ray.md"
-PAGES = ["README.md", "docs/tutorial/README.md", "docs/how-to/python.md", "client/python/README.md", RAY]
+STATION = "docs/how-to/station.md"
+PAGES = ["README.md", "docs/tutorial/README.md", "docs/how-to/python.md", "client/python/README.md", STATION, RAY]
 
 
 def blocks(page, language):
@@ -35,6 +36,9 @@ def folder(tmp_path):
 def test_the_lines_of_a_page_run(page, folder, server, request):
     if page == RAY:
         request.getfixturevalue("cluster")
+    if page == STATION:
+        pytest.importorskip("mcap")
+        record(server, folder / "run.mcap")
     for number, block in enumerate(blocks(page, "python")):
         # What goes on from a block before begins with what that one has. The server that runs already runs here.
         running = block.replace("127.0.0.1:50051", server.address)
@@ -51,6 +55,12 @@ def test_the_lines_of_a_page_run(page, folder, server, request):
             timeout=120,
         )
         assert ran.returncode == 0, f"{page}, block {number}:\n{block}\n{ran.stderr}"
+
+
+def record(server, path):
+    """A station's log, as the page tells to make one."""
+    command = [PROGRAM.with_name("kerf-station"), "run", "--server", f"http://{server.address}", "--scene", "liver"]
+    subprocess.run([*command, "--duration", "1", "--log", path], check=True, capture_output=True, timeout=60)
 
 
 def _needed(page, number):

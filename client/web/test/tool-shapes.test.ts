@@ -23,14 +23,19 @@ test("a blade is as thick as it is stated, and folded as its edge is", () => {
   }
 });
 
-test("a handle that touches is drawn where it is, and goes out of no tissue", () => {
-  const handle = { radiusM: 0.005, lengthM: 0.1 };
-  const blade = { widthM: 0.04, heightM: 0.03, handle };
-  const shape = toolShape(create(ToolSummarySchema, { kind: { case: "blade", value: blade } }).kind);
+const HANDLE = { radiusM: 0.005, lengthM: 0.1 };
+
+test.each([
+  [{ case: "blade", value: { widthM: 0.04, heightM: 0.03, handle: HANDLE } }, [-0.005, 0.03, 0.005, 0.14]],
+  [{ case: "grasper", value: { radiusM: 0.004, handle: HANDLE } }, [-0.005, 0.012, 0.005, 0.122]],
+  [{ case: "scissors", value: { bladeLengthM: 0.04, bladeHeightM: 0.01, handle: HANDLE } }, [-0.11, -0.005, 0, 0.005]],
+] as const)("a handle that touches is drawn where it is, and goes out of no tissue: %o", (kind, box) => {
+  const shape = toolShape(create(ToolSummarySchema, { kind }).kind);
   shape.setNeck(1);
+  shape.setOpening(0.5);
   const grip = shape.object.getObjectByName("grip");
   const { min, max } = new Box3().setFromObject(grip!);
   [min.x, min.y, max.x, max.y].forEach((at, i) => {
-    expect(at).toBeCloseTo([-0.005, 0.03, 0.005, 0.14][i], 4);
+    expect(at).toBeCloseTo(box[i], 4);
   });
 });

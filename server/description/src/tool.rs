@@ -55,6 +55,30 @@ pub enum ToolShapeDesc {
     Scissors(ScissorsDesc),
 }
 
+impl ToolShapeDesc {
+    /// What a scene file calls it.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Blade(_) => "blade",
+            Self::Grasper(_) => "grasper",
+            Self::Probe(_) => "probe",
+            Self::Scissors(_) => "scissors",
+        }
+    }
+
+    /// The handle that tissue presses on, if it has one.
+    #[must_use]
+    pub fn handle(&self) -> Option<&CapsuleDesc> {
+        match self {
+            Self::Blade(blade) => blade.handle.as_ref(),
+            Self::Grasper(grasper) => grasper.handle.as_ref(),
+            Self::Probe(_) => None,
+            Self::Scissors(scissors) => scissors.handle.as_ref(),
+        }
+    }
+}
+
 /// A blade.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -128,6 +152,10 @@ pub struct GrasperDesc {
     /// modulus of the scene's stiffest material where that is more, over the jaws' area, pi radius_m^2.
     #[serde(default)]
     pub max_force_n: Option<f64>,
+    /// Its handle, as a blade's. It goes on along the tool's y axis from three radii above the reference point, where jaws of
+    /// that reach have their pivot. Default: only the jaws touch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handle: Option<CapsuleDesc>,
 }
 
 /// Mean traction above which tissue slips out of jaws or is crushed, Pa. Ours: the order of the pressures of jaws that injure
@@ -137,6 +165,12 @@ const MAX_JAW_TRACTION_PA: f64 = 250e3;
 const MAX_JAW_STRAIN: f64 = 0.5;
 
 impl GrasperDesc {
+    /// A grasper with every default.
+    #[must_use]
+    pub fn new(radius_m: f64) -> Self {
+        Self { radius_m, max_force_n: None, handle: None }
+    }
+
     /// Force on the tool above which what it holds slips out, N; `stiffest_pa` is the largest Young's modulus of its scene.
     #[must_use]
     pub fn slips_above_n(&self, stiffest_pa: f64) -> f64 {
@@ -175,6 +209,9 @@ pub struct ScissorsDesc {
     /// Thickness behind the edges, m, 0 to 0.1. Default 0: flanks without volume.
     #[serde(default)]
     pub thickness_m: f64,
+    /// Their handle, as a blade's. It goes on from the pivot along -x. Default: only the blades touch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handle: Option<CapsuleDesc>,
 }
 
 impl ScissorsDesc {
@@ -187,6 +224,7 @@ impl ScissorsDesc {
             max_angle_rad: default_max_angle_rad(),
             edge_half_width_m: default_edge_half_width_m(),
             thickness_m: 0.0,
+            handle: None,
         }
     }
 }

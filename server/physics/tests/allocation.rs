@@ -119,7 +119,7 @@ fn neither_holding_nor_pressing_allocates() {
     let tools = [
         (ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.05)), 0.0405, 5e-5),
         (ToolDesc::blade("handle", BladeDesc { handle, ..BladeDesc::straight(0.06, 0.005) }), 0.0755, 1e-4),
-        (ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.008, max_force_n: None }), 0.045, 1e-4),
+        (ToolDesc::grasper("grasper", GrasperDesc::new(0.008)), 0.045, 1e-4),
         (ToolDesc::probe("probe", CapsuleDesc { radius_m: 0.01, length_m: 0.01 }), 0.045, 1e-4),
     ];
     for (tool, from_m, step_m) in tools {

@@ -62,6 +62,6 @@ fn scissors_are_clear_around_tissue_and_not_through_it_and_a_grasper_holds_nothi
     let pivot = at([-0.07, 0.0, 0.0]);
     assert!(scissors.is_clear(0, &pivot, OPEN));
     assert!(!scissors.is_clear(0, &pivot, 0.5) && !scissors.is_clear(0, &pivot, 0.0));
-    let grasper = world(ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.005, max_force_n: None }));
+    let grasper = world(ToolDesc::grasper("grasper", GrasperDesc::new(0.005)));
     assert!(grasper.is_clear(0, &at([0.0; 3]), 0.0));
 }

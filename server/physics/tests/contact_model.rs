@@ -43,7 +43,7 @@ fn block(level: u8, (young_modulus_pa, beta_s, stiffening): (f64, f64, f64)) -> 
     scene.desc.tools = vec![
         ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.05)),
         ToolDesc::probe("probe", CapsuleDesc { radius_m: PROBE_RADIUS_M, length_m: 0.0 }),
-        ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.005, max_force_n: None }),
+        ToolDesc::grasper("grasper", GrasperDesc::new(0.005)),
     ];
     scene
 }

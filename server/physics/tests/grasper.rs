@@ -19,7 +19,7 @@ fn strip(h: f64, level: u8, max_force_n: Option<f64>) -> Scene {
     strip.material.rayleigh_beta_s = 5e-3;
     strip.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.01 * h, 1.0, 1.0] }];
     let mut scene = scene(vec![strip]);
-    scene.desc.tools = vec![ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.008, max_force_n })];
+    scene.desc.tools = vec![ToolDesc::grasper("grasper", GrasperDesc { max_force_n, ..GrasperDesc::new(0.008) })];
     scene
 }
 
@@ -135,7 +135,7 @@ fn what_hangs_from_a_grasper_weighs_on_it_force_and_torque() {
     block.material.rayleigh_beta_s = 2e-3;
     let mut scene = scene(vec![block]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
-    scene.desc.tools = vec![ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.008, max_force_n: None })];
+    scene.desc.tools = vec![ToolDesc::grasper("grasper", GrasperDesc::new(0.008))];
     let at = Vec3::new(-0.002, 0.001, 0.003);
     let mut hand = Hand::new(&scene, at);
     hand.close();
@@ -204,7 +204,7 @@ fn what_takes_more_than_the_most_force_slips_out_and_is_taken_again_only_by_jaws
 
 #[test]
 fn jaws_of_no_named_force_hold_250_kpa_or_half_of_youngs_modulus_over_their_area() {
-    let grasper = GrasperDesc { radius_m: 0.004, max_force_n: None };
+    let grasper = GrasperDesc::new(0.004);
     let area_m2 = std::f64::consts::PI * 0.004_f64.powi(2);
     assert_eq!(grasper.slips_above_n(5e3), 250e3 * area_m2);
     assert_eq!(GrasperDesc { max_force_n: Some(2.0), ..grasper.clone() }.slips_above_n(5e3), 2.0);
@@ -245,7 +245,7 @@ fn the_contact_model_is_as_stiff_as_what_is_held() {
     let held = |min_m, max_m| ShapeDesc::Box { min_m, max_m };
     block.fixed = vec![held([-1.0, -1.0, -1.0], [-0.027, 1.0, 1.0]), held([0.027, -1.0, -1.0], [1.0, 1.0, 1.0])];
     let mut scene = scene(vec![block]);
-    scene.desc.tools = vec![ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.006, max_force_n: None })];
+    scene.desc.tools = vec![ToolDesc::grasper("grasper", GrasperDesc::new(0.006))];
     let mut hand = Hand::new(&scene, Vec3::zeros());
     hand.models = &[0];
     hand.close();

@@ -1,13 +1,13 @@
-//! The handle of a blade: tissue presses on it as on a probe, and it cuts nothing.
+//! The handle of a tool: tissue presses on it as on a probe, and it cuts nothing.
 
 use super::support::cutting::*;
 use super::support::{object, scene, world_of};
 use kerf_physics::grid::Grid;
-use kerf_physics::scene::{BladeDesc, CapsuleDesc, Scene, ShapeDesc, ToolDesc};
-use kerf_physics::step_io::{ContactModel, StepOutput, ToolMotion};
-use kerf_physics::tool::Pose;
+use kerf_physics::scene::{BladeDesc, CapsuleDesc, GrasperDesc, Scene, ScissorsDesc, ShapeDesc, ToolDesc};
+use kerf_physics::step_io::{ContactModel, Grasp, StepOutput, ToolMotion};
+use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 const YOUNG_PA: f64 = 1e5;
 const POISSON: f64 = 0.3;
@@ -66,11 +66,27 @@ fn press(mut world: World, place: &Pose, radius_m: f64, depth_m: f64) -> Pressed
     Pressed { at_rest, drawn: output, world, residual_j, work_j, friction_j }
 }
 
-/// The pose of a blade whose handle has its middle at the origin and lies along x, the edge at its left.
-fn lying(handle: &CapsuleDesc) -> Pose {
-    let middle_m = HEIGHT_M + handle.radius_m + 0.5 * handle.length_m;
-    let orientation = Quat::from_axis_angle(&Vec3::z_axis(), -FRAC_PI_2);
+/// The pose of a tool whose handle has its middle at the origin and lies along x, the rest of the tool at its left; the handle
+/// begins `seat_m` from the reference point, from where the tool is turned by `turn_rad` about z.
+fn lying_from(seat_m: f64, turn_rad: f64, handle: &CapsuleDesc) -> Pose {
+    let middle_m = seat_m + handle.radius_m + 0.5 * handle.length_m;
+    let orientation = Quat::from_axis_angle(&Vec3::z_axis(), turn_rad);
     Pose { position_m: -Vec3::x() * middle_m, orientation }
+}
+
+fn lying(handle: &CapsuleDesc) -> Pose {
+    lying_from(HEIGHT_M, -FRAC_PI_2, handle)
+}
+
+/// A tool of every kind that may have this handle, and how it lies.
+fn tools_with(handle: &CapsuleDesc) -> [(ToolDesc, Pose); 3] {
+    let grasper = GrasperDesc { handle: Some(handle.clone()), ..GrasperDesc::new(0.002) };
+    let scissors = ScissorsDesc { handle: Some(handle.clone()), ..ScissorsDesc::new(0.02, 0.005) };
+    [
+        (ToolDesc::blade("blade", with_handle(0.02, handle.clone())), lying(handle)),
+        (ToolDesc::grasper("grasper", grasper), lying_from(0.006, -FRAC_PI_2, handle)),
+        (ToolDesc::scissors("scissors", scissors), lying_from(0.0, PI, handle)),
+    ]
 }
 
 fn along(model: Option<ContactModel>) -> [f64; 9] {
@@ -80,36 +96,73 @@ fn along(model: Option<ContactModel>) -> [f64; 9] {
 
 #[test]
 fn a_handle_is_pressed_back_as_a_probe_of_its_size_in_its_place() {
-    // The spine is off the block, which ends 15 mm to the left.
+    // The rest of the tool is off the block, which ends 15 mm to the left.
     for length_m in [0.016, 0.024] {
         let (half_m, radius_m, depth_m) = (0.015, 0.008, 0.001);
         let capsule = CapsuleDesc { radius_m, length_m };
         let scene = block(half_m, 0.015, 0.0025, ToolDesc::probe("probe", capsule.clone()));
         let probe = press(world_of(&scene), &Pose::default(), radius_m, depth_m);
-        let place = lying(&capsule);
-        let scene = block(half_m, 0.015, 0.0025, ToolDesc::blade("blade", with_handle(0.02, capsule)));
-        let handle = press(world_of(&scene), &place, radius_m, depth_m);
-        assert_eq!(handle.world.output().topology_version, 0, "it cuts nothing");
-        for (own, other) in [(&handle.at_rest, &probe.at_rest), (&handle.drawn, &probe.drawn)] {
-            let [own, other] = [own, other].map(|output| output.tools[0]);
-            let (force, wanted) = (own.wrench.force_n, other.wrench.force_n);
-            println!("length {length_m}: force {force:?}, of a probe {wanted:?}");
-            assert!(force.y > 0.1 && (force - wanted).norm() < 1e-3 * wanted.norm(), "{force:?} {wanted:?}");
-            // About the edge, which is so far to the left.
-            let turned = other.wrench.torque_nm + (-place.position_m).cross(&wanted);
-            let arm_nm = wanted.norm() * place.position_m.norm();
-            assert!((own.wrench.torque_nm - turned).norm() < 1e-3 * arm_nm, "{:?} {turned:?}", own.wrench.torque_nm);
-            // Fields that are refined from step to step are off by some percent.
-            let [stiff, wanted] = [own.contact, other.contact].map(along);
-            let most = wanted.iter().fold(0.0, |most: f64, k| most.max(k.abs()));
-            println!("  stiffness {stiff:.1?}, of a probe {wanted:.1?}");
-            assert!(stiff.iter().zip(&wanted).all(|(k, w)| (k - w).abs() < 0.05 * most), "{stiff:?} {wanted:?}");
-            let [valid, wanted] = [own.contact, other.contact].map(|model| model.unwrap().validity_radius_m);
-            assert!((valid / wanted - 1.0).abs() < 0.05, "{valid} {wanted}");
+        for (tool, place) in tools_with(&capsule) {
+            println!("{}", tool.name);
+            let scene = block(half_m, 0.015, 0.0025, tool);
+            is_pressed_as(&probe, &press(world_of(&scene), &place, radius_m, depth_m), &place);
         }
-        assert!((handle.friction_j / probe.friction_j - 1.0).abs() < 1e-3, "{} J", handle.friction_j);
-        assert!(handle.residual_j < 1e-3 * handle.work_j, "{} J of {} J", handle.residual_j, handle.work_j);
     }
+}
+
+fn is_pressed_as(probe: &Pressed, handle: &Pressed, place: &Pose) {
+    assert_eq!(handle.world.output().topology_version, 0, "it cuts nothing");
+    for (own, other) in [(&handle.at_rest, &probe.at_rest), (&handle.drawn, &probe.drawn)] {
+        let [own, other] = [own, other].map(|output| output.tools[0]);
+        let (force, wanted) = (own.wrench.force_n, other.wrench.force_n);
+        println!("  force {force:?}, of a probe {wanted:?}");
+        assert!(force.y > 0.1 && (force - wanted).norm() < 1e-3 * wanted.norm(), "{force:?} {wanted:?}");
+        // About the edge, which is so far to the left.
+        let turned = other.wrench.torque_nm + (-place.position_m).cross(&wanted);
+        let arm_nm = wanted.norm() * place.position_m.norm();
+        assert!((own.wrench.torque_nm - turned).norm() < 1e-3 * arm_nm, "{:?} {turned:?}", own.wrench.torque_nm);
+        // Fields that are refined from step to step are off by some percent.
+        let [stiff, wanted] = [own.contact, other.contact].map(along);
+        let most = wanted.iter().fold(0.0, |most: f64, k| most.max(k.abs()));
+        println!("  stiffness {stiff:.1?}, of a probe {wanted:.1?}");
+        assert!(stiff.iter().zip(&wanted).all(|(k, w)| (k - w).abs() < 0.05 * most), "{stiff:?} {wanted:?}");
+        let [valid, wanted] = [own.contact, other.contact].map(|model| model.unwrap().validity_radius_m);
+        assert!((valid / wanted - 1.0).abs() < 0.05, "{valid} {wanted}");
+    }
+    assert!((handle.friction_j / probe.friction_j - 1.0).abs() < 1e-3, "{} J", handle.friction_j);
+    assert!(handle.residual_j < 1e-3 * handle.work_j, "{} J of {} J", handle.residual_j, handle.work_j);
+}
+
+/// The force with which jaws that hold the rim of a block are pressed down with it by 1 mm, and what they do then.
+fn pressed_jaws(handle: Option<CapsuleDesc>, max_force_n: Option<f64>) -> (f64, Grasp) {
+    let (reach_m, radius_m) = (0.009, 0.008);
+    let grasper = GrasperDesc { max_force_n, handle, ..GrasperDesc::new(reach_m) };
+    let mut world = world_of(&block(0.03, 0.015, 0.0025, ToolDesc::grasper("grasper", grasper)));
+    // Over the block's left rim, the handle lying on its right half.
+    let orientation = Quat::from_axis_angle(&Vec3::z_axis(), -FRAC_PI_2);
+    let at = |depth_m: f64| Pose { position_m: Vec3::new(-0.028, radius_m - depth_m, 0.0), orientation };
+    for step in 0..60 {
+        let opening = if step == 0 { OPEN } else { 0.0 };
+        let pose = at(0.001 * f64::from(step.min(30)) / 30.0);
+        let inputs = [ToolInput { tool: 0, motion: ToolMotion::MoveTo { pose, opening } }];
+        let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
+        if output.tools[0].grasp == Grasp::Slipped {
+            return (output.tools[0].wrench.force_n.norm(), Grasp::Slipped);
+        }
+    }
+    (world.output().tools[0].wrench.force_n.norm(), world.output().tools[0].grasp)
+}
+
+#[test]
+fn what_presses_on_a_graspers_handle_tears_nothing_out_of_its_jaws() {
+    let handle = Some(CapsuleDesc { radius_m: 0.008, length_m: 0.02 });
+    let (held_n, grasp) = pressed_jaws(None, None);
+    assert_eq!(grasp, Grasp::Holding);
+    let (force_n, grasp) = pressed_jaws(handle.clone(), Some(1.2 * held_n));
+    println!("jaws {held_n:.2} N, with the handle {force_n:.2} N");
+    assert!(force_n > 1.5 * held_n, "the handle bears too: {force_n} N of {held_n} N");
+    assert_eq!(grasp, Grasp::Holding);
+    assert_eq!(pressed_jaws(handle, Some(0.5 * held_n)).1, Grasp::Slipped, "but the jaws' own force does");
 }
 
 #[test]

@@ -152,7 +152,7 @@ fn what_nobody_uses_leaves_every_bit_as_it_is() {
     assert_eq!(
         changed(|scene| {
             let tools = &mut scene.desc.tools;
-            tools.push(ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.01, max_force_n: None }));
+            tools.push(ToolDesc::grasper("grasper", GrasperDesc::new(0.01)));
             tools.push(ToolDesc::probe("probe", CapsuleDesc { radius_m: 0.01, length_m: 0.0 }));
         }),
         expected,

@@ -120,7 +120,7 @@ fn relaxing(scene: &mut SceneDesc) -> &mut ViscosityDesc {
 }
 
 fn grasper(scene: &mut SceneDesc) -> &mut GrasperDesc {
-    scene.tools = vec![ToolDesc::grasper("tool", GrasperDesc { radius_m: 0.01, max_force_n: None })];
+    scene.tools = vec![ToolDesc::grasper("tool", GrasperDesc::new(0.01))];
     match &mut scene.tools[0].shape {
         ToolShapeDesc::Grasper(grasper) => grasper,
         other => unreachable!("{other:?}"),
@@ -159,7 +159,7 @@ fn tools_of_every_kind_are_read_with_their_defaults_and_unknown_ones_are_told_wh
         SceneDesc::from_toml("block.toml", &text).map_err(|e| e.to_string())
     };
     let read = |shape: &str| with(shape).unwrap().tools[0].clone();
-    let holds = ToolDesc::grasper("knife", GrasperDesc { radius_m: 0.02, max_force_n: None });
+    let holds = ToolDesc::grasper("knife", GrasperDesc::new(0.02));
     assert_eq!(read("{ grasper = { radius_m = 0.02 } }"), holds);
     let presses = ToolDesc::probe("knife", CapsuleDesc { radius_m: 0.02, length_m: 0.0 });
     assert_eq!(read("{ probe = { radius_m = 0.02 } }"), presses);

@@ -297,7 +297,7 @@ async fn a_recorded_cut_leads_to_the_same_state_once_more() {
 
 /// The block with a grasper beside its blades.
 fn block_with_a_grasper() -> SoundScene {
-    let grasper = GrasperDesc { radius_m: 0.005, max_force_n: None };
+    let grasper = GrasperDesc::new(0.005);
     block().with(|desc| desc.tools.push(ToolDesc::grasper("grasper", grasper))).unwrap()
 }
 

@@ -69,12 +69,9 @@ function blade({ widthM, heightM, thicknessM, edgeM, handle }: BladeSummary): To
   object.add(steel(plate(points, heightM, thicknessM)));
   const sizeM = Math.max(widthM, heightM);
   if (handle) {
-    // Tissue presses on it: it is drawn where it is, in tissue too.
-    const grip = capsule(handle.radiusM, handle.lengthM);
-    grip.position.y = spineM;
-    object.add(named("grip", grip));
-    const neck = { foot: new Vector3(0, spineM, 0), along: UPWARDS, leastM: 0, reachM: handle.radiusM };
-    return { object: shadowed(object), sizeM, neck, ...WITHOUT_JAWS, setNeck() {} };
+    const { grip, ...its } = touching(handle, new Vector3(0, spineM, 0), UPWARDS);
+    object.add(grip);
+    return { object: shadowed(object), sizeM, ...WITHOUT_JAWS, ...its };
   }
   const gripM = Math.min(0.16 * widthM, 0.3 * heightM);
   const { middle, part } = middleOf(points, 0.7 * gripM);
@@ -93,23 +90,37 @@ function blade({ widthM, heightM, thicknessM, edgeM, handle }: BladeSummary): To
   return { object: shadowed(object), sizeM, neck, ...WITHOUT_JAWS, setNeck };
 }
 
+/** A handle on which tissue presses: it is drawn where it is, in tissue too. */
+function touching({ radiusM, lengthM }: ProbeSummary, foot: Vector3, along: Vector3) {
+  const grip = capsule(radiusM, lengthM);
+  grip.position.copy(foot);
+  grip.quaternion.setFromUnitVectors(UPWARDS, along);
+  return { grip: named("grip", grip), neck: { foot, along, leastM: 0, reachM: radiusM }, setNeck() {} };
+}
+
 /** A handle that stands on its foot. */
 function capsule(radiusM: number, lengthM: number): Mesh {
   const geometry = new CapsuleGeometry(radiusM, lengthM, 6, 20);
   return new Mesh(geometry.translate(0, lengthM / 2 + radiusM, 0), GRIP);
 }
 
-function scissors({ bladeLengthM, bladeHeightM, maxAngleRad, thicknessM }: ScissorsSummary): ToolShape {
+function scissors({ bladeLengthM, bladeHeightM, maxAngleRad, thicknessM, handle }: ScissorsSummary): ToolShape {
   const edge: Point[] = [[0, 0, 0], [bladeLengthM, 0, 0]];
   const flanks = halves(() => steel(plate(edge, bladeHeightM, thicknessM)));
-  const handles = halves(() => named("grip", scissorsHandle(bladeLengthM)));
+  const handles = handle ? [] : halves(() => named("grip", scissorsHandle(bladeLengthM)));
   const setOpening = (opening: number) => {
     const halfRad = 0.5 * (opening * (maxAngleRad + CROSSED_RAD) - CROSSED_RAD);
-    for (const [upper, lower] of [flanks, handles]) {
-      upper.rotation.z = halfRad;
-      lower.rotation.z = -halfRad;
-    }
+    for (const [side, half] of [...flanks.entries(), ...handles.entries()]) half.rotation.z = side === 0 ? halfRad : -halfRad;
   };
+  const its = { sizeM: bladeLengthM, hasJaws: true, setOpening };
+  const object = new Group();
+  object.add(...flanks, ...handles);
+  setOpening(1);
+  if (handle) {
+    const { grip, ...others } = touching(handle, new Vector3(), new Vector3(-1, 0, 0));
+    object.add(grip);
+    return { object: shadowed(object), ...its, ...others };
+  }
   // Long scissors turn their handles at the other end of a bar, which lies in the plane that they cut.
   const barM = Math.min(0.08 * bladeLengthM, bladeHeightM);
   const bar = steel(new BoxGeometry(1, barM, drawnThickness(thicknessM, bladeHeightM)).translate(-0.5, 0, 0));
@@ -119,11 +130,9 @@ function scissors({ bladeLengthM, bladeHeightM, maxAngleRad, thicknessM }: Sciss
     for (const handle of handles) handle.position.x = -lengthM;
   };
   const neck = { foot: new Vector3(), along: new Vector3(-1, 0, 0), leastM: 0, reachM: 0.31 * bladeLengthM };
-  setOpening(1);
   setNeck(neck.leastM);
-  const object = new Group();
-  object.add(...flanks, ...handles, named("neck", bar));
-  return { object: shadowed(object), sizeM: bladeLengthM, hasJaws: true, neck, setOpening, setNeck };
+  object.add(named("neck", bar));
+  return { object: shadowed(object), ...its, neck, setNeck };
 }
 
 /** The upper half of something and its mirror image, the lower one. */
@@ -150,7 +159,7 @@ function scissorsHandle(bladeLengthM: number): Group {
   return handle;
 }
 
-function grasper({ radiusM }: GrasperSummary): ToolShape {
+function grasper({ radiusM, handle }: GrasperSummary): ToolShape {
   const object = new Group();
   const jaw = (side: 1 | -1) => {
     const pivot = new Group();
@@ -163,13 +172,15 @@ function grasper({ radiusM }: GrasperSummary): ToolShape {
     return pivot;
   };
   const [left, right] = [jaw(-1), jaw(1)];
-  const { shaft, ...its } = rod(0.42 * radiusM, 3 * radiusM, 10 * radiusM);
-  object.add(shaft);
   const setOpening = (opening: number) => {
     left.rotation.z = -0.42 * opening;
     right.rotation.z = 0.42 * opening;
   };
   setOpening(1);
+  const footM = 3 * radiusM;
+  const behind = handle ? touching(handle, new Vector3(0, footM, 0), UPWARDS) : rod(0.42 * radiusM, footM, 10 * radiusM);
+  const { grip, ...its } = behind;
+  object.add(grip);
   return { object: shadowed(object), sizeM: 4 * radiusM, hasJaws: true, setOpening, ...its };
 }
 
@@ -177,8 +188,8 @@ function probe({ radiusM, lengthM }: ProbeSummary): ToolShape {
   const object = new Group();
   const tip = steel(new CapsuleGeometry(radiusM, lengthM, 12, 32));
   tip.rotation.z = Math.PI / 2;
-  const { shaft, ...its } = rod(0.3 * radiusM, 0.8 * radiusM, 8 * radiusM);
-  object.add(tip, shaft);
+  const { grip, ...its } = rod(0.3 * radiusM, 0.8 * radiusM, 8 * radiusM);
+  object.add(tip, grip);
   return { object: shadowed(object), sizeM: 2 * radiusM + lengthM, ...WITHOUT_JAWS, ...its };
 }
 
@@ -191,7 +202,7 @@ function rod(radiusM: number, footM: number, leastM: number) {
   };
   setNeck(leastM);
   const neck = { foot: shaft.position.clone(), along: UPWARDS, leastM, reachM: radiusM };
-  return { shaft: named("neck", shaft), neck, setNeck };
+  return { grip: named("neck", shaft), neck, setNeck };
 }
 
 type Point = readonly [number, number, number];

@@ -56,17 +56,18 @@ fn capsule(capsule: &CapsuleDesc) -> v1::ProbeSummary {
 
 fn tool_summary(tool: &ToolDesc, stiffest_pa: f64) -> v1::ToolSummary {
     use v1::tool_summary::Kind;
+    let handle = tool.shape.handle().map(capsule);
     let kind = match &tool.shape {
         ToolShapeDesc::Blade(blade) => Kind::Blade(v1::BladeSummary {
             width_m: blade.width_m,
             height_m: blade.height_m,
             thickness_m: blade.thickness_m,
             edge_m: edge_m(blade),
-            handle: blade.handle.as_ref().map(capsule),
+            handle,
         }),
         ToolShapeDesc::Grasper(grasper) => {
             let max_force_n = Some(grasper.slips_above_n(stiffest_pa));
-            Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n })
+            Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n, handle })
         }
         ToolShapeDesc::Probe(probe) => Kind::Probe(capsule(probe)),
         ToolShapeDesc::Scissors(scissors) => Kind::Scissors(v1::ScissorsSummary {
@@ -74,6 +75,7 @@ fn tool_summary(tool: &ToolDesc, stiffest_pa: f64) -> v1::ToolSummary {
             blade_height_m: scissors.blade_height_m,
             max_angle_rad: scissors.max_angle_rad,
             thickness_m: scissors.thickness_m,
+            handle,
         }),
     };
     v1::ToolSummary { name: tool.name.clone(), kind: Some(kind) }

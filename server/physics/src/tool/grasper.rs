@@ -18,7 +18,15 @@ pub struct Grasper {
     pub max_force_n: f64,
 }
 
+/// Height of the pivot of a grasper's jaws over their reach. Ours: as they are drawn.
+const PIVOT_OVER_RADIUS: f64 = 3.0;
+
 impl Grasper {
+    /// Height of the jaws' pivot above the reference point, m.
+    pub(super) fn pivot_m(&self) -> f64 {
+        PIVOT_OVER_RADIUS * self.radius_m
+    }
+
     /// Of a scene whose stiffest material has this Young's modulus.
     pub(super) fn new(desc: &GrasperDesc, stiffest_pa: f64) -> Self {
         Self { radius_m: desc.radius_m, max_force_n: desc.slips_above_n(stiffest_pa) }

@@ -3,7 +3,7 @@
 use super::blade::Blade;
 use super::pose::Pose;
 use super::{ToolShape, capsule::Capsule};
-use crate::scene::{CapsuleDesc, SceneError, ToolDesc, ToolShapeDesc};
+use crate::scene::{CapsuleDesc, SceneError, ToolDesc};
 use crate::{Quat, Vec3};
 use nalgebra::Quaternion;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -36,9 +36,7 @@ impl ToolPart {
         for (by, tool) in tools.iter().enumerate() {
             let made = ToolShape::new(&tool.shape, stiffest_pa);
             let shape = made.map_err(|e| e.within(&format!("tools[{by}].shape")))?;
-            if let (ToolShapeDesc::Blade(desc), ToolShape::Blade(blade)) = (&tool.shape, &shape) {
-                carried.extend(desc.handle.as_ref().map(|desc| handle(by, blade, desc)));
-            }
+            carried.extend(tool.shape.handle().map(|desc| handle(by, &shape, desc)));
             parts.push(Self { shape, carried: None });
         }
         parts.append(&mut carried);
@@ -46,15 +44,29 @@ impl ToolPart {
     }
 }
 
-/// The handle of a blade: its end touches the highest point of the spine.
-fn handle(by: usize, blade: &Blade, desc: &CapsuleDesc) -> ToolPart {
+/// A tool's handle: its end touches the highest point of a blade's spine, the pivot of scissors or that of a grasper's jaws.
+fn handle(by: usize, shape: &ToolShape, desc: &CapsuleDesc) -> ToolPart {
     let capsule = Capsule::from(desc);
-    let highest_m = blade.edge.points_m().iter().map(|at| at.y).fold(f64::NEG_INFINITY, f64::max);
-    let middle_m = highest_m + blade.flanks.height_m() + capsule.radius_m + capsule.half_length_m;
+    let reach_m = capsule.radius_m + capsule.half_length_m;
+    let place = match shape {
+        ToolShape::Scissors(_) => Pose { position_m: -Vec3::x() * reach_m, ..Pose::default() },
+        ToolShape::Blade(blade) => upwards(highest_m(blade) + reach_m),
+        ToolShape::Grasper(grasper) => upwards(grasper.pivot_m() + reach_m),
+        ToolShape::Probe(own) => upwards(own.radius_m + reach_m),
+    };
+    ToolPart { shape: ToolShape::Probe(capsule), carried: Some(Carried { by, place }) }
+}
+
+/// The place of a capsule along the tool's y axis, its middle at this height.
+fn upwards(middle_m: f64) -> Pose {
     // A quarter of a turn about z: from the capsule's x to the tool's y.
     let orientation = Quat::new_unchecked(Quaternion::new(FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2));
-    let place = Pose { position_m: Vec3::y() * middle_m, orientation };
-    ToolPart { shape: ToolShape::Probe(capsule), carried: Some(Carried { by, place }) }
+    Pose { position_m: Vec3::y() * middle_m, orientation }
+}
+
+/// Height of the highest point of a blade's spine, m.
+fn highest_m(blade: &Blade) -> f64 {
+    blade.edge.points_m().iter().map(|at| at.y).fold(f64::NEG_INFINITY, f64::max) + blade.flanks.height_m()
 }
 
 #[cfg(test)]

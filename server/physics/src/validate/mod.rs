@@ -163,20 +163,15 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
     report.count("tools", scene.tools.len(), 0..=MAX_TOOLS);
     report.unique("tools", scene.tools.iter().map(|t| t.name.as_str()));
     for (i, tool) in scene.tools.iter().enumerate() {
-        let field = format!("tools[{i}].shape");
+        let field = format!("tools[{i}].shape.{}", tool.shape.kind());
         match &tool.shape {
-            ToolShapeDesc::Blade(blade) => {
-                let field = format!("{field}.blade");
-                report.blade(&field, blade, smallest_voxel_m);
-                if let Some(handle) = &blade.handle {
-                    report.capsule(&format!("{field}.handle"), handle, largest_voxel_m);
-                }
-            }
-            ToolShapeDesc::Scissors(scissors) => {
-                report.scissors(&format!("{field}.scissors"), scissors, smallest_voxel_m);
-            }
-            ToolShapeDesc::Grasper(grasper) => report.grasper(&format!("{field}.grasper"), grasper),
-            ToolShapeDesc::Probe(capsule) => report.capsule(&format!("{field}.probe"), capsule, largest_voxel_m),
+            ToolShapeDesc::Blade(blade) => report.blade(&field, blade, smallest_voxel_m),
+            ToolShapeDesc::Scissors(scissors) => report.scissors(&field, scissors, smallest_voxel_m),
+            ToolShapeDesc::Grasper(grasper) => report.grasper(&field, grasper),
+            ToolShapeDesc::Probe(capsule) => report.capsule(&field, capsule, largest_voxel_m),
+        }
+        if let Some(handle) = tool.shape.handle() {
+            report.capsule(&format!("{field}.handle"), handle, largest_voxel_m);
         }
     }
     report.count("tracked_points", scene.tracked_points.len(), 0..=MAX_TRACKED_POINTS);

@@ -4,6 +4,7 @@ use super::contact_model::{self, ContactSum};
 use super::description::Description;
 use super::scratch::Scratch;
 use super::state::State;
+use crate::Vec3;
 use crate::step_io::{Grasp, StepOutput};
 
 /// Wrenches from the forces the solver applied, models about them; tool work and the springs' energies with them.
@@ -55,10 +56,12 @@ fn write_of_tool(
     output.grasp = if holds { Grasp::Holding } else { Grasp::Nothing };
 }
 
-/// What is held with more force than a grasper has slips out of it, all at once.
+/// What is held with more force than a grasper has slips out of it, all at once. What presses on its handle does not count.
 pub(super) fn slip(description: &Description, state: &mut State, output: &mut StepOutput) {
     for (index, (part, output)) in description.parts.iter().zip(&mut output.tools).enumerate() {
-        if output.grasp == Grasp::Holding && output.wrench.force_n.norm() > part.shape.max_hold_n() {
+        let acting = || state.slots.iter().flat_map(|slot| slot.contacts[index].acting());
+        let held_n = || acting().fold(Vec3::zeros(), |sum, contact| sum + contact.applied_n());
+        if output.grasp == Grasp::Holding && held_n().norm() > part.shape.max_hold_n() {
             state.slots.iter_mut().for_each(|slot| slot.contacts[index].lift());
             output.grasp = Grasp::Slipped;
         }

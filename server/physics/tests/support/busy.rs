@@ -60,7 +60,7 @@ pub fn busy_scene(kind: usize) -> Scene {
             "blade",
             BladeDesc { flank_friction: Some(0.1), thickness_m: 5e-4, ..BladeDesc::straight(0.02, 0.03) },
         ),
-        ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.005, max_force_n: Some(50.0) }),
+        ToolDesc::grasper("grasper", GrasperDesc { max_force_n: Some(50.0), ..GrasperDesc::new(0.005) }),
         ToolDesc::probe("probe", CapsuleDesc { radius_m: 0.006, length_m: 0.0 }),
         ToolDesc::scissors("scissors", ScissorsDesc::new(0.012, 0.01)),
     ];

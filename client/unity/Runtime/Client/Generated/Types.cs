@@ -51,43 +51,45 @@ namespace Kerf.V1 {
             "ZV9oZWlnaHRfbVIRYmxhZGVfdGhpY2tuZXNzX20ifQoMQmxhZGVTdW1tYXJ5",
             "Eg8KB3dpZHRoX20YASABKAESEAoIaGVpZ2h0X20YAiABKAESEwoLdGhpY2tu",
             "ZXNzX20YAyABKAESDgoGZWRnZV9tGAQgAygCEiUKBmhhbmRsZRgFIAEoCzIV",
-            "LmtlcmYudjEuUHJvYmVTdW1tYXJ5IkwKDkdyYXNwZXJTdW1tYXJ5EhAKCHJh",
-            "ZGl1c19tGAEgASgBEhgKC21heF9mb3JjZV9uGAIgASgBSACIAQFCDgoMX21h",
-            "eF9mb3JjZV9uIjIKDFByb2JlU3VtbWFyeRIQCghyYWRpdXNfbRgBIAEoARIQ",
-            "CghsZW5ndGhfbRgCIAEoASJtCg9TY2lzc29yc1N1bW1hcnkSFgoOYmxhZGVf",
-            "bGVuZ3RoX20YASABKAESFgoOYmxhZGVfaGVpZ2h0X20YAiABKAESFQoNbWF4",
-            "X2FuZ2xlX3JhZBgDIAEoARITCgt0aGlja25lc3NfbRgEIAEoASK7AgoGTGlt",
-            "aXRzEhgKEG1heF9wb3NlX3JhdGVfaHoYASABKAESHwoXZGVmYXVsdF9jb250",
-            "YWN0X3JhdGVfaHoYAiABKAESGwoTbWF4X2NvbnRhY3RfcmF0ZV9oehgDIAEo",
-            "ARIYChBtYXhfdmlld19yYXRlX2h6GAQgASgBEh4KFm1heF90b29sX3NwZWVk",
-            "X21fcGVyX3MYBSABKAESJgoPd29ya3NwYWNlX21pbl9tGAYgASgLMg0ua2Vy",
-            "Zi52MS5WZWMzEiYKD3dvcmtzcGFjZV9tYXhfbRgHIAEoCzINLmtlcmYudjEu",
-            "VmVjMxIPCgdsZWFzZV9zGAggASgBEiMKG21heF9yZWplY3RlZF9wb3Nlc19p",
-            "bl9hX3JvdxgJIAEoDRIZChFtYXhfY29udGFjdF9hZ2VfcxgKIAEoASJHCgVG",
-            "YXVsdBIMCgRzdGVwGAEgASgEEg4KBm9iamVjdBgCIAEoCRIgCgRraW5kGAMg",
-            "ASgOMhIua2VyZi52MS5GYXVsdEtpbmQi8AEKBUV2ZW50EgwKBHN0ZXAYASAB",
-            "KAQSIAoEa2luZBgCIAEoDjISLmtlcmYudjEuRXZlbnRLaW5kEg8KB3Rvb2xf",
-            "aWQYAyABKA0SGgoScmVsYXRpdmVfdG9sZXJhbmNlGAQgASgBEhcKD2NoZWNr",
-            "cG9pbnRfbmFtZRgFIAEoCRISCgpsYXRlX3NoYXJlGAYgASgBEhYKDnVuc29s",
-            "dmVkX3N0ZXBzGAcgASgNEhkKEXJlbGF0aXZlX3Jlc2lkdWFsGAggASgBEhUK",
-            "DXVuc2V0dGxlZF9uX3MYCSABKAESEwoLcGllY2VfY291bnQYCiABKA0qdQoJ",
-            "RmF1bHRLaW5kEhoKFkZBVUxUX0tJTkRfVU5TUEVDSUZJRUQQABIZChVGQVVM",
-            "VF9LSU5EX05PREVfU1RBVEUQARIaChZGQVVMVF9LSU5EX1RPT0xfV1JFTkNI",
-            "EAISFQoRRkFVTFRfS0lORF9FTkVSR1kQAyqXAQoMU2Vzc2lvblN0YXRlEh0K",
-            "GVNFU1NJT05fU1RBVEVfVU5TUEVDSUZJRUQQABIZChVTRVNTSU9OX1NUQVRF",
-            "X1JVTk5JTkcQARIYChRTRVNTSU9OX1NUQVRFX1BBVVNFRBACEhkKFVNFU1NJ",
-            "T05fU1RBVEVfQ0xPU0lORxADEhgKFFNFU1NJT05fU1RBVEVfRkFJTEVEEAQq",
-            "xwMKCUV2ZW50S2luZBIaChZFVkVOVF9LSU5EX1VOU1BFQ0lGSUVEEAASFQoR",
-            "RVZFTlRfS0lORF9QQVVTRUQQARIWChJFVkVOVF9LSU5EX1JFU1VNRUQQAhIU",
-            "ChBFVkVOVF9LSU5EX1JFU0VUEAMSFgoSRVZFTlRfS0lORF9DTE9TSU5HEAQS",
-            "GQoVRVZFTlRfS0lORF9UT09MX1RBS0VOEAUSHAoYRVZFTlRfS0lORF9UT09M",
-            "X1JFTEVBU0VEEAYSGQoVRVZFTlRfS0lORF9SRUFOQ0hPUkVEEAcSFQoRRVZF",
-            "TlRfS0lORF9GQUlMRUQQCBIgChxFVkVOVF9LSU5EX1RPTEVSQU5DRV9DSEFO",
-            "R0VEEAkSHwobRVZFTlRfS0lORF9DSEVDS1BPSU5UX1NBVkVEEAoSIgoeRVZF",
-            "TlRfS0lORF9DSEVDS1BPSU5UX1JFU1RPUkVEEAsSGQoVRVZFTlRfS0lORF9P",
-            "VkVSTE9BREVEEAwSFwoTRVZFTlRfS0lORF9VTlNPTFZFRBANEhcKE0VWRU5U",
-            "X0tJTkRfUFVUX0FXQVkQDhIiCh5FVkVOVF9LSU5EX0NIRUNLUE9JTlRfVVBM",
-            "T0FERUQQD2IGcHJvdG8z"));
+            "LmtlcmYudjEuUHJvYmVTdW1tYXJ5InMKDkdyYXNwZXJTdW1tYXJ5EhAKCHJh",
+            "ZGl1c19tGAEgASgBEhgKC21heF9mb3JjZV9uGAIgASgBSACIAQESJQoGaGFu",
+            "ZGxlGAMgASgLMhUua2VyZi52MS5Qcm9iZVN1bW1hcnlCDgoMX21heF9mb3Jj",
+            "ZV9uIjIKDFByb2JlU3VtbWFyeRIQCghyYWRpdXNfbRgBIAEoARIQCghsZW5n",
+            "dGhfbRgCIAEoASKUAQoPU2Npc3NvcnNTdW1tYXJ5EhYKDmJsYWRlX2xlbmd0",
+            "aF9tGAEgASgBEhYKDmJsYWRlX2hlaWdodF9tGAIgASgBEhUKDW1heF9hbmds",
+            "ZV9yYWQYAyABKAESEwoLdGhpY2tuZXNzX20YBCABKAESJQoGaGFuZGxlGAUg",
+            "ASgLMhUua2VyZi52MS5Qcm9iZVN1bW1hcnkiuwIKBkxpbWl0cxIYChBtYXhf",
+            "cG9zZV9yYXRlX2h6GAEgASgBEh8KF2RlZmF1bHRfY29udGFjdF9yYXRlX2h6",
+            "GAIgASgBEhsKE21heF9jb250YWN0X3JhdGVfaHoYAyABKAESGAoQbWF4X3Zp",
+            "ZXdfcmF0ZV9oehgEIAEoARIeChZtYXhfdG9vbF9zcGVlZF9tX3Blcl9zGAUg",
+            "ASgBEiYKD3dvcmtzcGFjZV9taW5fbRgGIAEoCzINLmtlcmYudjEuVmVjMxIm",
+            "Cg93b3Jrc3BhY2VfbWF4X20YByABKAsyDS5rZXJmLnYxLlZlYzMSDwoHbGVh",
+            "c2VfcxgIIAEoARIjChttYXhfcmVqZWN0ZWRfcG9zZXNfaW5fYV9yb3cYCSAB",
+            "KA0SGQoRbWF4X2NvbnRhY3RfYWdlX3MYCiABKAEiRwoFRmF1bHQSDAoEc3Rl",
+            "cBgBIAEoBBIOCgZvYmplY3QYAiABKAkSIAoEa2luZBgDIAEoDjISLmtlcmYu",
+            "djEuRmF1bHRLaW5kIvABCgVFdmVudBIMCgRzdGVwGAEgASgEEiAKBGtpbmQY",
+            "AiABKA4yEi5rZXJmLnYxLkV2ZW50S2luZBIPCgd0b29sX2lkGAMgASgNEhoK",
+            "EnJlbGF0aXZlX3RvbGVyYW5jZRgEIAEoARIXCg9jaGVja3BvaW50X25hbWUY",
+            "BSABKAkSEgoKbGF0ZV9zaGFyZRgGIAEoARIWCg51bnNvbHZlZF9zdGVwcxgH",
+            "IAEoDRIZChFyZWxhdGl2ZV9yZXNpZHVhbBgIIAEoARIVCg11bnNldHRsZWRf",
+            "bl9zGAkgASgBEhMKC3BpZWNlX2NvdW50GAogASgNKnUKCUZhdWx0S2luZBIa",
+            "ChZGQVVMVF9LSU5EX1VOU1BFQ0lGSUVEEAASGQoVRkFVTFRfS0lORF9OT0RF",
+            "X1NUQVRFEAESGgoWRkFVTFRfS0lORF9UT09MX1dSRU5DSBACEhUKEUZBVUxU",
+            "X0tJTkRfRU5FUkdZEAMqlwEKDFNlc3Npb25TdGF0ZRIdChlTRVNTSU9OX1NU",
+            "QVRFX1VOU1BFQ0lGSUVEEAASGQoVU0VTU0lPTl9TVEFURV9SVU5OSU5HEAES",
+            "GAoUU0VTU0lPTl9TVEFURV9QQVVTRUQQAhIZChVTRVNTSU9OX1NUQVRFX0NM",
+            "T1NJTkcQAxIYChRTRVNTSU9OX1NUQVRFX0ZBSUxFRBAEKscDCglFdmVudEtp",
+            "bmQSGgoWRVZFTlRfS0lORF9VTlNQRUNJRklFRBAAEhUKEUVWRU5UX0tJTkRf",
+            "UEFVU0VEEAESFgoSRVZFTlRfS0lORF9SRVNVTUVEEAISFAoQRVZFTlRfS0lO",
+            "RF9SRVNFVBADEhYKEkVWRU5UX0tJTkRfQ0xPU0lORxAEEhkKFUVWRU5UX0tJ",
+            "TkRfVE9PTF9UQUtFThAFEhwKGEVWRU5UX0tJTkRfVE9PTF9SRUxFQVNFRBAG",
+            "EhkKFUVWRU5UX0tJTkRfUkVBTkNIT1JFRBAHEhUKEUVWRU5UX0tJTkRfRkFJ",
+            "TEVEEAgSIAocRVZFTlRfS0lORF9UT0xFUkFOQ0VfQ0hBTkdFRBAJEh8KG0VW",
+            "RU5UX0tJTkRfQ0hFQ0tQT0lOVF9TQVZFRBAKEiIKHkVWRU5UX0tJTkRfQ0hF",
+            "Q0tQT0lOVF9SRVNUT1JFRBALEhkKFUVWRU5UX0tJTkRfT1ZFUkxPQURFRBAM",
+            "EhcKE0VWRU5UX0tJTkRfVU5TT0xWRUQQDRIXChNFVkVOVF9LSU5EX1BVVF9B",
+            "V0FZEA4SIgoeRVZFTlRfS0lORF9DSEVDS1BPSU5UX1VQTE9BREVEEA9iBnBy",
+            "b3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.FaultKind), typeof(global::Kerf.V1.SessionState), typeof(global::Kerf.V1.EventKind), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -99,9 +101,9 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ObjectSummary), global::Kerf.V1.ObjectSummary.Parser, new[]{ "Name", "RestMinM", "RestMaxM", "FractureEnergyJPerM2", "YoungModulusPa", "VoxelSizeM", "Voxels", "CompositeElements", "LeftOutPieces", "LeftOutVoxels", "MaterialNames", "MaterialColors" }, new[]{ "FractureEnergyJPerM2" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolSummary), global::Kerf.V1.ToolSummary.Parser, new[]{ "Name", "Blade", "Grasper", "Probe", "Scissors" }, new[]{ "Kind" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.BladeSummary), global::Kerf.V1.BladeSummary.Parser, new[]{ "WidthM", "HeightM", "ThicknessM", "EdgeM", "Handle" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GrasperSummary), global::Kerf.V1.GrasperSummary.Parser, new[]{ "RadiusM", "MaxForceN" }, new[]{ "MaxForceN" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GrasperSummary), global::Kerf.V1.GrasperSummary.Parser, new[]{ "RadiusM", "MaxForceN", "Handle" }, new[]{ "MaxForceN" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ProbeSummary), global::Kerf.V1.ProbeSummary.Parser, new[]{ "RadiusM", "LengthM" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ScissorsSummary), global::Kerf.V1.ScissorsSummary.Parser, new[]{ "BladeLengthM", "BladeHeightM", "MaxAngleRad", "ThicknessM" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ScissorsSummary), global::Kerf.V1.ScissorsSummary.Parser, new[]{ "BladeLengthM", "BladeHeightM", "MaxAngleRad", "ThicknessM", "Handle" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Limits), global::Kerf.V1.Limits.Parser, new[]{ "MaxPoseRateHz", "DefaultContactRateHz", "MaxContactRateHz", "MaxViewRateHz", "MaxToolSpeedMPerS", "WorkspaceMinM", "WorkspaceMaxM", "LeaseS", "MaxRejectedPosesInARow", "MaxContactAgeS" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Fault), global::Kerf.V1.Fault.Parser, new[]{ "Step", "Object", "Kind" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Event), global::Kerf.V1.Event.Parser, new[]{ "Step", "Kind", "ToolId", "RelativeTolerance", "CheckpointName", "LateShare", "UnsolvedSteps", "RelativeResidual", "UnsettledNS", "PieceCount" }, null, null, null, null)
@@ -3212,6 +3214,7 @@ namespace Kerf.V1 {
       _hasBits0 = other._hasBits0;
       radiusM_ = other.radiusM_;
       maxForceN_ = other.maxForceN_;
+      handle_ = other.handle_ != null ? other.handle_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -3264,6 +3267,21 @@ namespace Kerf.V1 {
       _hasBits0 &= ~1;
     }
 
+    /// <summary>Field number for the "handle" field.</summary>
+    public const int HandleFieldNumber = 3;
+    private global::Kerf.V1.ProbeSummary handle_;
+    /// <summary>
+    /// A handle that tissue presses on, along the tool's +y from three radii above the reference point; absent: none.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.ProbeSummary Handle {
+      get { return handle_; }
+      set {
+        handle_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -3281,6 +3299,7 @@ namespace Kerf.V1 {
       }
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(RadiusM, other.RadiusM)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(MaxForceN, other.MaxForceN)) return false;
+      if (!object.Equals(Handle, other.Handle)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -3290,6 +3309,7 @@ namespace Kerf.V1 {
       int hash = 1;
       if (RadiusM != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(RadiusM);
       if (HasMaxForceN) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(MaxForceN);
+      if (handle_ != null) hash ^= Handle.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -3316,6 +3336,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(17);
         output.WriteDouble(MaxForceN);
       }
+      if (handle_ != null) {
+        output.WriteRawTag(26);
+        output.WriteMessage(Handle);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -3334,6 +3358,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(17);
         output.WriteDouble(MaxForceN);
       }
+      if (handle_ != null) {
+        output.WriteRawTag(26);
+        output.WriteMessage(Handle);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -3349,6 +3377,9 @@ namespace Kerf.V1 {
       }
       if (HasMaxForceN) {
         size += 1 + 8;
+      }
+      if (handle_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Handle);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -3367,6 +3398,12 @@ namespace Kerf.V1 {
       }
       if (other.HasMaxForceN) {
         MaxForceN = other.MaxForceN;
+      }
+      if (other.handle_ != null) {
+        if (handle_ == null) {
+          Handle = new global::Kerf.V1.ProbeSummary();
+        }
+        Handle.MergeFrom(other.Handle);
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -3391,6 +3428,13 @@ namespace Kerf.V1 {
             MaxForceN = input.ReadDouble();
             break;
           }
+          case 26: {
+            if (handle_ == null) {
+              Handle = new global::Kerf.V1.ProbeSummary();
+            }
+            input.ReadMessage(Handle);
+            break;
+          }
         }
       }
     #endif
@@ -3412,6 +3456,13 @@ namespace Kerf.V1 {
           }
           case 17: {
             MaxForceN = input.ReadDouble();
+            break;
+          }
+          case 26: {
+            if (handle_ == null) {
+              Handle = new global::Kerf.V1.ProbeSummary();
+            }
+            input.ReadMessage(Handle);
             break;
           }
         }
@@ -3697,6 +3748,7 @@ namespace Kerf.V1 {
       bladeHeightM_ = other.bladeHeightM_;
       maxAngleRad_ = other.maxAngleRad_;
       thicknessM_ = other.thicknessM_;
+      handle_ = other.handle_ != null ? other.handle_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -3766,6 +3818,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "handle" field.</summary>
+    public const int HandleFieldNumber = 5;
+    private global::Kerf.V1.ProbeSummary handle_;
+    /// <summary>
+    /// A handle that tissue presses on, along the tool's -x from the pivot; absent: none.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.ProbeSummary Handle {
+      get { return handle_; }
+      set {
+        handle_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -3785,6 +3852,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(BladeHeightM, other.BladeHeightM)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(MaxAngleRad, other.MaxAngleRad)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ThicknessM, other.ThicknessM)) return false;
+      if (!object.Equals(Handle, other.Handle)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -3796,6 +3864,7 @@ namespace Kerf.V1 {
       if (BladeHeightM != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(BladeHeightM);
       if (MaxAngleRad != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(MaxAngleRad);
       if (ThicknessM != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ThicknessM);
+      if (handle_ != null) hash ^= Handle.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -3830,6 +3899,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(33);
         output.WriteDouble(ThicknessM);
       }
+      if (handle_ != null) {
+        output.WriteRawTag(42);
+        output.WriteMessage(Handle);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -3856,6 +3929,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(33);
         output.WriteDouble(ThicknessM);
       }
+      if (handle_ != null) {
+        output.WriteRawTag(42);
+        output.WriteMessage(Handle);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -3877,6 +3954,9 @@ namespace Kerf.V1 {
       }
       if (ThicknessM != 0D) {
         size += 1 + 8;
+      }
+      if (handle_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Handle);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -3901,6 +3981,12 @@ namespace Kerf.V1 {
       }
       if (other.ThicknessM != 0D) {
         ThicknessM = other.ThicknessM;
+      }
+      if (other.handle_ != null) {
+        if (handle_ == null) {
+          Handle = new global::Kerf.V1.ProbeSummary();
+        }
+        Handle.MergeFrom(other.Handle);
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -3933,6 +4019,13 @@ namespace Kerf.V1 {
             ThicknessM = input.ReadDouble();
             break;
           }
+          case 42: {
+            if (handle_ == null) {
+              Handle = new global::Kerf.V1.ProbeSummary();
+            }
+            input.ReadMessage(Handle);
+            break;
+          }
         }
       }
     #endif
@@ -3962,6 +4055,13 @@ namespace Kerf.V1 {
           }
           case 33: {
             ThicknessM = input.ReadDouble();
+            break;
+          }
+          case 42: {
+            if (handle_ == null) {
+              Handle = new global::Kerf.V1.ProbeSummary();
+            }
+            input.ReadMessage(Handle);
             break;
           }
         }
