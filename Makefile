@@ -8,6 +8,10 @@ export TEST_SHARED
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
 
+# Many tests wait for clocks and sockets: two at a time for each processor.
+RUST_TEST_THREADS ?= $(shell echo $$((2 * $$(nproc))))
+export RUST_TEST_THREADS
+
 NPM := $(shell command -v npm)
 
 # What all targets build, optimised and as `make test` has it: for other packages Cargo chooses other features, and
@@ -142,14 +146,14 @@ test-all: same-bits
 LIVES ?= 1000
 LIVES_SEED ?= 0
 lives:
-	LIVES=$(LIVES) LIVES_SEED=$(LIVES_SEED) cargo test --workspace --quiet journal::lives -- --nocapture
+	LIVES=$(LIVES) LIVES_SEED=$(LIVES_SEED) cargo test --release -p kerf-server --lib --quiet journal::lives -- --nocapture
 
 # A server, its clients, network, clock and disk in virtual time, by seed: `make test` tries 8 seeds. A failure names its
 # seed; WORLDS_SEED=<seed> WORLDS=1 repeats it.
 WORLDS ?= 1000
 WORLDS_SEED ?= 0
 worlds:
-	WORLDS=$(WORLDS) WORLDS_SEED=$(WORLDS_SEED) cargo test --workspace --quiet virtual_world::clients -- --nocapture
+	WORLDS=$(WORLDS) WORLDS_SEED=$(WORLDS_SEED) cargo test --release -p kerf-server --lib --quiet virtual_world::clients -- --nocapture
 
 # A server for SOAK_MINUTES under clients that make, cut, watch, stall, reset and leave sessions, with kills in the first
 # quarter: whether a session is lost, and whether memory, descriptors or threads grow. Samples go to out/soak.csv.

@@ -18,6 +18,8 @@ use wide::{f32x4, f64x4};
 /// Pieces of more nodes than this are left to the smoother: the work of a dense factor grows with
 /// the cube of its size.
 const MOST_NODES: usize = 200;
+/// The same of pieces that are joined, whose factor is mostly zeros: a piece meets few others.
+const MOST_JOINED_NODES: usize = 600;
 
 /// A piece: its nodes and the factor of its matrix, by [`factor`].
 #[derive(Clone, Serialize, Deserialize)]
@@ -114,7 +116,7 @@ impl Coarsest {
     /// Room for the pieces that `count` springs may join.
     pub fn reserve(&mut self, count: usize) {
         if self.pieces.len() > 1 {
-            let most = self.piece.len().min(MOST_NODES);
+            let most = self.piece.len().min(MOST_JOINED_NODES);
             let (pairs, entries) = (row_start(most, most), row_start(3 * most, 3 * most));
             let Joined { nodes, springs, elements, blocks, matrix, factor, .. } = &mut self.joined;
             nodes.reserve(self.piece.len() - nodes.len());
@@ -129,7 +131,9 @@ impl Coarsest {
     /// Takes in the springs between pieces.
     pub fn set_springs(&mut self, operator: &Operator) {
         self.joined.find(&self.pieces, &self.piece, operator.springs());
-        if !self.joined.nodes.is_empty() && (self.joined.nodes.len() > MOST_NODES || !self.joined.factor(operator)) {
+        if !self.joined.nodes.is_empty()
+            && (self.joined.nodes.len() > MOST_JOINED_NODES || !self.joined.factor(operator))
+        {
             self.joined.separate();
         }
     }
@@ -417,20 +421,31 @@ fn factor(triangle: &mut [f64], n: usize) -> bool {
             values.iter_mut().for_each(|v| *v *= inverse);
             values[0] = inverse;
         }
+        // Rows and columns beyond what these rows reach stay as they are: those of pieces that theirs meets nowhere.
+        let reach = (first..end).map(|row| row_end(&above[row_start(n, row)..][..n - row], row)).fold(end, usize::max);
         let mut rest = below;
-        for row in end..n {
+        for row in end..reach {
             let (values, next) = rest.split_at_mut(n - row);
             rest = next;
             // There are rows below whole bands only.
-            let [a, b, c, d] =
-                std::array::from_fn::<_, ROWS, _>(|i| &above[row_start(n, first + i) + row - first - i..][..n - row]);
-            for (i, v) in values.iter_mut().enumerate() {
+            let [a, b, c, d] = std::array::from_fn::<_, ROWS, _>(|i| {
+                &above[row_start(n, first + i) + row - first - i..][..reach - row]
+            });
+            if [a, b, c, d].iter().all(|u| u[0] == 0.0) {
+                continue;
+            }
+            for (i, v) in values[..reach - row].iter_mut().enumerate() {
                 let half = (-a[0]).mul_add(a[i], (-b[0]).mul_add(b[i], *v));
                 *v = (-c[0]).mul_add(c[i], (-d[0]).mul_add(d[i], half));
             }
         }
     }
     true
+}
+
+/// The column after the last entry of a row that is not zero.
+fn row_end(values: &[f64], row: usize) -> usize {
+    row + values.iter().rposition(|v| *v != 0.0).map_or(0, |last| last + 1)
 }
 
 /// Gram-Schmidt on the rows of a sum of rotations; the identity where they cancel.
@@ -445,4 +460,99 @@ pub(super) fn orthonormal(m: &[f64; 9]) -> [f64; 9] {
     };
     let c = a.cross(&b);
     [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::composite::{CompositeTables, Field, FilledVoxel};
+    use crate::fem::lanes::pack;
+    use crate::fem::material::Elastic;
+    use crate::grid::cell_sizes::CellSizes;
+    use crate::grid::levels::{Level, VoxelUnits};
+    use crate::grid::voxelize::voxelize;
+    use crate::grid::{Crossing, LinkId};
+    use crate::scene::SceneDesc;
+    use crate::workers::Workers;
+
+    /// Loose cells in a row along x, each of one element with mass.
+    fn loose_cells(count: usize) -> Operator {
+        let text = format!(
+            "version = 1\nname = \"row\"\n[[objects]]\nname = \"row\"\n\
+             shape = {{ box = {{ min_m = [0.0, 0.0, 0.0], max_m = [{}, 0.01, 0.01] }} }}\nvoxel_size_m = 0.01\nlevel = 0\n\
+             material = {{ young_modulus_pa = 1e5, poisson_ratio = 0.3 }}",
+            0.01 * count as f64
+        );
+        let desc = SceneDesc::from_toml("row.toml", &text).expect("a scene");
+        let mut grid = voxelize(&desc.objects[0], &Default::default()).expect("a valid object");
+        let first = grid.voxels()[0].ijk;
+        for i in 0..count as i32 - 1 {
+            let link = LinkId { cell: [first[0] + i, first[1], first[2]], axis: 0 };
+            grid.part(link, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] });
+        }
+        let level = Level::base(&VoxelUnits { grid: &grid, exponent: 0 }, CellSizes::uniform(grid.dims()));
+        let mut operator = Operator::new(&level);
+        let filled = [FilledVoxel::whole(0, Elastic::new(1e5, 0.3, 1000.0))];
+        let mut matrix = CompositeTables::new(0, 0.01).assemble(&filled, Field::Trilinear).stiffness;
+        (0..24).for_each(|i| matrix[i][i] += 100.0);
+        (0..level.elements.len()).for_each(|element| operator.set_matrix(element, &pack(&matrix)));
+        operator.update_diagonal(&Workers::serial());
+        operator
+    }
+
+    #[test]
+    fn pieces_that_press_on_each_other_are_solved_as_one_however_many() {
+        let workers = Workers::serial();
+        // Of eight nodes each.
+        for count in [4, 40] {
+            let mut operator = loose_cells(count);
+            assert_eq!(operator.node_count(), 8 * count);
+            let mut coarsest = Coarsest::new(&operator);
+            assert_eq!(coarsest.pieces.len(), count);
+            let spring = |i: usize| {
+                let [a, b] = [i, i + 1].map(|element| *operator.element_nodes(element));
+                let ends = [(a[1], 0.5), (a[3], 0.5), (b[0], -0.5), (b[2], -0.5)];
+                // Far stiffer than a cell.
+                PointSpring::new(ends.into_iter(), [0.8, 0.6, 0.0], 1e6)
+            };
+            let springs: Vec<PointSpring> = (0..count - 1).map(spring).collect();
+            operator.set_springs(springs.into_iter(), 4.0);
+            coarsest.reserve(count);
+            coarsest.update_rotations(&operator);
+            coarsest.set_springs(&operator);
+            let b: Vec<f32x4> = (0..8 * count).map(|i| f32x4::new([(i as f32).sin(), 1.0, -0.5, 0.0])).collect();
+            let (mut x, mut product) = (vec![f32x4::ZERO; b.len()], vec![f32x4::ZERO; b.len()]);
+            coarsest.solve(&operator, &b, &mut x);
+            operator.apply(&workers, &x, &mut product);
+            let norm = |v: &[f32x4]| v.iter().map(|v| (*v * *v).reduce_add()).sum::<f32>().sqrt();
+            let left: Vec<f32x4> = b.iter().zip(&product).map(|(b, ax)| *b - *ax).collect();
+            assert!(norm(&left) < 1e-2 * norm(&b), "{count} pieces: {} of {} is left", norm(&left), norm(&b));
+        }
+    }
+
+    #[test]
+    fn a_factor_of_a_matrix_with_gaps_multiplies_to_the_matrix() {
+        // Pieces of five unknowns: each with the next one and, here and there, with one far off.
+        let n = 43;
+        let is_there = |i: usize, j: usize| i / 5 == j / 5 || j - i == 5 || (i.is_multiple_of(10) && j - i == 21);
+        let entry = |i: usize, j: usize| match j - i {
+            0 => 5.0 + (i % 3) as f64,
+            _ if is_there(i, j) => ((i * 7 + j * 3) % 11) as f64 / 11.0 - 0.5,
+            _ => 0.0,
+        };
+        let matrix: Vec<f64> = (0..n).flat_map(|i| (i..n).map(move |j| entry(i, j))).collect();
+        let mut triangle = matrix.clone();
+        assert!(factor(&mut triangle, n));
+        let at = |i: usize, j: usize| match j - i {
+            0 => 1.0 / triangle[row_start(n, i)],
+            _ => triangle[row_start(n, i) + j - i],
+        };
+        for i in 0..n {
+            for j in i..n {
+                let product: f64 = (0..=i).map(|k| at(k, i) * at(k, j)).sum();
+                let wanted = entry(i, j) * if i == j { 1.0 + 1e-5 } else { 1.0 };
+                assert!((product - wanted).abs() < 1e-12, "({i}, {j}): {product} for {wanted}");
+            }
+        }
+    }
 }
