@@ -36,7 +36,7 @@ impl ToolPart {
         for (by, tool) in tools.iter().enumerate() {
             let made = ToolShape::new(&tool.shape, stiffest_pa);
             let shape = made.map_err(|e| e.within(&format!("tools[{by}].shape")))?;
-            carried.extend(tool.shape.handle().map(|desc| handle(by, &shape, desc)));
+            carried.extend(tool.shape.handle().and_then(|desc| handle(by, &shape, desc)));
             parts.push(Self { shape, carried: None });
         }
         parts.append(&mut carried);
@@ -44,17 +44,18 @@ impl ToolPart {
     }
 }
 
-/// A tool's handle: its end touches the highest point of a blade's spine, the pivot of scissors or that of a grasper's jaws.
-fn handle(by: usize, shape: &ToolShape, desc: &CapsuleDesc) -> ToolPart {
+/// A tool's handle: its end touches the highest point of a blade's spine, the pivot of scissors or that of a grasper's jaws. A
+/// probe has none.
+fn handle(by: usize, shape: &ToolShape, desc: &CapsuleDesc) -> Option<ToolPart> {
     let capsule = Capsule::from(desc);
     let reach_m = capsule.radius_m + capsule.half_length_m;
     let place = match shape {
         ToolShape::Scissors(_) => Pose { position_m: -Vec3::x() * reach_m, ..Pose::default() },
         ToolShape::Blade(blade) => upwards(highest_m(blade) + reach_m),
         ToolShape::Grasper(grasper) => upwards(grasper.pivot_m() + reach_m),
-        ToolShape::Probe(own) => upwards(own.radius_m + reach_m),
+        ToolShape::Probe(_) => return None,
     };
-    ToolPart { shape: ToolShape::Probe(capsule), carried: Some(Carried { by, place }) }
+    Some(ToolPart { shape: ToolShape::Probe(capsule), carried: Some(Carried { by, place }) })
 }
 
 /// The place of a capsule along the tool's y axis, its middle at this height.
