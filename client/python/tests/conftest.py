@@ -15,6 +15,12 @@ PROGRAM = Path(os.environ.get("KERF_SERVER_PROGRAM", REPOSITORY / "target/debug/
 BLOCK = REPOSITORY / "server/session/tests/block.toml"
 
 
+def station(server, *options):
+    """The command of a simulated Omni that presses and cuts the liver, at a session of its own."""
+    program = PROGRAM.with_name("kerf-station")
+    return [program, "run", "--server", f"http://{server.address}", "--scene", "liver", *options]
+
+
 def down(begin_m=0.012, end_m=-0.008, x_m=0.0):
     """Two poses of a level blade that goes down through the block, between two planes of its voxels."""
     return np.array([[x_m, begin_m, 4e-4, 0, 0, 0, 1], [x_m, end_m, 4e-4, 0, 0, 0, 1]])

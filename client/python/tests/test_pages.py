@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import PROGRAM, REPOSITORY
+from conftest import PROGRAM, REPOSITORY, station
 
 RAY = "docs/how-to/ray.md"
 STATION = "docs/how-to/station.md"
@@ -38,7 +38,9 @@ def test_the_lines_of_a_page_run(page, folder, server, request):
         request.getfixturevalue("cluster")
     if page == STATION:
         pytest.importorskip("mcap")
-        record(server, folder / "run.mcap")
+        # As the page tells to make one.
+        recording = station(server, "--duration", "1", "--log", folder / "run.mcap")
+        subprocess.run(recording, check=True, capture_output=True, timeout=60)
     for number, block in enumerate(blocks(page, "python")):
         # What goes on from a block before begins with what that one has. The server that runs already runs here.
         running = block.replace("127.0.0.1:50051", server.address)
@@ -55,12 +57,6 @@ def test_the_lines_of_a_page_run(page, folder, server, request):
             timeout=120,
         )
         assert ran.returncode == 0, f"{page}, block {number}:\n{block}\n{ran.stderr}"
-
-
-def record(server, path):
-    """A station's log, as the page tells to make one."""
-    command = [PROGRAM.with_name("kerf-station"), "run", "--server", f"http://{server.address}", "--scene", "liver"]
-    subprocess.run([*command, "--duration", "1", "--log", path], check=True, capture_output=True, timeout=60)
 
 
 def _needed(page, number):

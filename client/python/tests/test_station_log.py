@@ -4,23 +4,21 @@ import time
 
 import numpy as np
 import pytest
-from conftest import BLOCK, PROGRAM
+from conftest import BLOCK, station
 
 import kerf
 
 pytest.importorskip("mcap")
-STATION = PROGRAM.with_name("kerf-station")
-#: What the simulated hand presses and cuts.
-SCENE = "liver"
 
 
 def run(server, *options, ends=signal.SIGTERM, seconds=3.0):
-    """A simulated Omni at a session of its own, ended from outside."""
-    command = [STATION, "run", "--server", f"http://{server.address}", "--scene", SCENE, *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as station:
+    """What a station said and told of that is ended from outside."""
+    with subprocess.Popen(
+        station(server, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as running:
         time.sleep(seconds)
-        station.send_signal(ends)
-        said, told = station.communicate(timeout=60)
+        running.send_signal(ends)
+        said, told = running.communicate(timeout=60)
     return said, told
 
 

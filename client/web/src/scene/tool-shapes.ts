@@ -69,8 +69,8 @@ function blade({ widthM, heightM, thicknessM, edgeM, handle }: BladeSummary): To
   object.add(steel(plate(points, heightM, thicknessM)));
   const sizeM = Math.max(widthM, heightM);
   if (handle) {
-    const { grip, ...its } = touching(handle, new Vector3(0, spineM, 0), UPWARDS);
-    object.add(grip);
+    const { part, ...its } = touching(handle, new Vector3(0, spineM, 0), UPWARDS);
+    object.add(part);
     return { object: shadowed(object), sizeM, ...WITHOUT_JAWS, ...its };
   }
   const gripM = Math.min(0.16 * widthM, 0.3 * heightM);
@@ -95,7 +95,7 @@ function touching({ radiusM, lengthM }: ProbeSummary, foot: Vector3, along: Vect
   const grip = capsule(radiusM, lengthM);
   grip.position.copy(foot);
   grip.quaternion.setFromUnitVectors(UPWARDS, along);
-  return { grip: named("grip", grip), neck: { foot, along, leastM: 0, reachM: radiusM }, setNeck() {} };
+  return { part: named("grip", grip), neck: { foot, along, leastM: 0, reachM: radiusM }, setNeck() {} };
 }
 
 /** A handle that stands on its foot. */
@@ -107,20 +107,26 @@ function capsule(radiusM: number, lengthM: number): Mesh {
 function scissors({ bladeLengthM, bladeHeightM, maxAngleRad, thicknessM, handle }: ScissorsSummary): ToolShape {
   const edge: Point[] = [[0, 0, 0], [bladeLengthM, 0, 0]];
   const flanks = halves(() => steel(plate(edge, bladeHeightM, thicknessM)));
-  const handles = handle ? [] : halves(() => named("grip", scissorsHandle(bladeLengthM)));
+  const pairs = [flanks];
   const setOpening = (opening: number) => {
     const halfRad = 0.5 * (opening * (maxAngleRad + CROSSED_RAD) - CROSSED_RAD);
-    for (const [side, half] of [...flanks.entries(), ...handles.entries()]) half.rotation.z = side === 0 ? halfRad : -halfRad;
+    for (const [upper, lower] of pairs) {
+      upper.rotation.z = halfRad;
+      lower.rotation.z = -halfRad;
+    }
   };
   const its = { sizeM: bladeLengthM, hasJaws: true, setOpening };
+  const backwards = new Vector3(-1, 0, 0);
   const object = new Group();
-  object.add(...flanks, ...handles);
-  setOpening(1);
+  object.add(...flanks);
   if (handle) {
-    const { grip, ...others } = touching(handle, new Vector3(), new Vector3(-1, 0, 0));
-    object.add(grip);
+    const { part, ...others } = touching(handle, new Vector3(), backwards);
+    object.add(part);
+    setOpening(1);
     return { object: shadowed(object), ...its, ...others };
   }
+  const handles = halves(() => named("grip", scissorsHandle(bladeLengthM)));
+  pairs.push(handles);
   // Long scissors turn their handles at the other end of a bar, which lies in the plane that they cut.
   const barM = Math.min(0.08 * bladeLengthM, bladeHeightM);
   const bar = steel(new BoxGeometry(1, barM, drawnThickness(thicknessM, bladeHeightM)).translate(-0.5, 0, 0));
@@ -129,9 +135,10 @@ function scissors({ bladeLengthM, bladeHeightM, maxAngleRad, thicknessM, handle 
     bar.scale.x = lengthM;
     for (const handle of handles) handle.position.x = -lengthM;
   };
-  const neck = { foot: new Vector3(), along: new Vector3(-1, 0, 0), leastM: 0, reachM: 0.31 * bladeLengthM };
+  const neck = { foot: new Vector3(), along: backwards, leastM: 0, reachM: 0.31 * bladeLengthM };
+  setOpening(1);
   setNeck(neck.leastM);
-  object.add(named("neck", bar));
+  object.add(...handles, named("neck", bar));
   return { object: shadowed(object), ...its, neck, setNeck };
 }
 
@@ -161,9 +168,10 @@ function scissorsHandle(bladeLengthM: number): Group {
 
 function grasper({ radiusM, handle }: GrasperSummary): ToolShape {
   const object = new Group();
+  const pivotM = 3 * radiusM;
   const jaw = (side: 1 | -1) => {
     const pivot = new Group();
-    pivot.position.y = 3 * radiusM;
+    pivot.position.y = pivotM;
     const finger = steel(new CapsuleGeometry(0.28 * radiusM, 3 * radiusM, 6, 16));
     finger.position.set(side * 0.22 * radiusM, -1.7 * radiusM, 0);
     finger.scale.z = 1.5;
@@ -177,10 +185,9 @@ function grasper({ radiusM, handle }: GrasperSummary): ToolShape {
     right.rotation.z = 0.42 * opening;
   };
   setOpening(1);
-  const footM = 3 * radiusM;
-  const behind = handle ? touching(handle, new Vector3(0, footM, 0), UPWARDS) : rod(0.42 * radiusM, footM, 10 * radiusM);
-  const { grip, ...its } = behind;
-  object.add(grip);
+  const behind = handle ? touching(handle, new Vector3(0, pivotM, 0), UPWARDS) : rod(0.42 * radiusM, pivotM, 10 * radiusM);
+  const { part, ...its } = behind;
+  object.add(part);
   return { object: shadowed(object), sizeM: 4 * radiusM, hasJaws: true, setOpening, ...its };
 }
 
@@ -188,8 +195,8 @@ function probe({ radiusM, lengthM }: ProbeSummary): ToolShape {
   const object = new Group();
   const tip = steel(new CapsuleGeometry(radiusM, lengthM, 12, 32));
   tip.rotation.z = Math.PI / 2;
-  const { grip, ...its } = rod(0.3 * radiusM, 0.8 * radiusM, 8 * radiusM);
-  object.add(tip, grip);
+  const { part, ...its } = rod(0.3 * radiusM, 0.8 * radiusM, 8 * radiusM);
+  object.add(tip, part);
   return { object: shadowed(object), sizeM: 2 * radiusM + lengthM, ...WITHOUT_JAWS, ...its };
 }
 
@@ -202,7 +209,7 @@ function rod(radiusM: number, footM: number, leastM: number) {
   };
   setNeck(leastM);
   const neck = { foot: shaft.position.clone(), along: UPWARDS, leastM, reachM: radiusM };
-  return { grip: named("neck", shaft), neck, setNeck };
+  return { part: named("neck", shaft), neck, setNeck };
 }
 
 type Point = readonly [number, number, number];

@@ -39,10 +39,10 @@ impl ToolShape {
     /// An edge that is none.
     pub fn new(desc: &ToolShapeDesc, stiffest_pa: f64) -> Result<Self, SceneError> {
         Ok(match desc {
-            ToolShapeDesc::Blade(blade) => Self::Blade(Blade::new(blade).map_err(|e| e.within("blade"))?),
+            ToolShapeDesc::Blade(blade) => Self::Blade(Blade::new(blade)?),
             ToolShapeDesc::Grasper(grasper) => Self::Grasper(Grasper::new(grasper, stiffest_pa)),
             ToolShapeDesc::Probe(capsule) => Self::Probe(capsule.into()),
-            ToolShapeDesc::Scissors(desc) => Self::Scissors(Scissors::new(desc).map_err(|e| e.within("scissors"))?),
+            ToolShapeDesc::Scissors(desc) => Self::Scissors(Scissors::new(desc)?),
         })
     }
 

@@ -35,7 +35,7 @@ impl ToolPart {
         let (mut parts, mut carried) = (Vec::new(), Vec::new());
         for (by, tool) in tools.iter().enumerate() {
             let made = ToolShape::new(&tool.shape, stiffest_pa);
-            let shape = made.map_err(|e| e.within(&format!("tools[{by}].shape")))?;
+            let shape = made.map_err(|e| e.within(&format!("tools[{by}].shape.{}", tool.shape.kind())))?;
             carried.extend(tool.shape.handle().and_then(|desc| handle(by, &shape, desc)));
             parts.push(Self { shape, carried: None });
         }
