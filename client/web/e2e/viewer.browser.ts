@@ -175,6 +175,31 @@ test("voxels and links are drawn while somebody looks at them", async () => {
   expect(problems).toEqual([]);
 });
 
+test("what looks as it did is not drawn again", async () => {
+  const sessionId = await server.create(BAR);
+  const { page } = await open(browser, "about:blank");
+  await page.addInitScript(() => {
+    const { prototype } = WebGL2RenderingContext;
+    const { drawElements } = prototype;
+    Object.assign(globalThis, { draws: 0 });
+    prototype.drawElements = function (...args) {
+      (globalThis as unknown as { draws: number }).draws += 1;
+      drawElements.apply(this, args);
+    };
+  });
+  await page.goto(`${server.address}/?session=${sessionId}`);
+  await live(page);
+  const draws = () => page.evaluate(() => (globalThis as unknown as { draws: number }).draws);
+  // The bar sleeps, and its frames go on.
+  const timeS = await readingWhere(page, "Time", (timeS) => timeS > 1);
+  await expect.poll(draws).toBeGreaterThan(0);
+  await expect.poll(async () => (await draws()) - (await page.waitForTimeout(1000).then(draws))).toBe(0);
+  await readingWhere(page, "Time", (nowS) => nowS > timeS + 0.5);
+  const before = await draws();
+  await page.click("button:has-text('Blade')");
+  await expect.poll(draws).toBeGreaterThan(before);
+});
+
 test("a session stands, steps and goes on, by keys", async () => {
   const sessionId = await server.create(BAR);
   const { page } = await open(browser, `${server.address}/?session=${sessionId}`);

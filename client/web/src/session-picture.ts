@@ -30,6 +30,8 @@ export class SessionPicture {
   private readonly pieces: number[] = [];
   /** The largest force that was shown, N: the longest arrow. */
   private fullForceN = 1e-3;
+  /** Where the tools were last seen. */
+  private seenTools = "";
 
   constructor(stage: Stage, scene: SceneSummary) {
     this.stage = stage;
@@ -82,7 +84,7 @@ export class SessionPicture {
       this.tools[index].keepClear(tool, frame.simTimeS, positions);
       this.tools[index].show(tool, this.fullForceN);
     });
-    this.stage.invalidate();
+    this.refresh();
     // One entry per object, or none: the first frame has no forerunner.
     return used.includes(undefined) ? [] : (used as SurfaceShape[]);
   }
@@ -96,6 +98,14 @@ export class SessionPicture {
 
   showHand(toolId: number, wanted: DrivenPose | undefined): void {
     this.tools[toolId].showHand(wanted);
+    this.refresh();
+  }
+
+  /** Has the picture drawn anew if it looks other than it did: tissue that sleeps costs a viewer nothing. */
+  private refresh(): void {
+    const seenTools = this.tools.map(({ seen }) => seen).join();
+    if (seenTools === this.seenTools && !this.tissues.some(({ looksNew }) => looksNew)) return;
+    this.seenTools = seenTools;
     this.stage.invalidate();
   }
 

@@ -27,6 +27,8 @@ export const AGEING = /* glsl */ `
 float freshness(float ageS) { return exp(-max(ageS, 0.0) / 2.5); }
 float spread(float ageS) { return 1.0 - exp(-max(ageS, 0.0) / 0.6); }
 `;
+/** After this time both are what they will be, to the steps of a screen's colours, s. */
+export const AGED_S = 14;
 
 const VERTEX = /* glsl */ `
 attribute vec3 from, to, settled, fresh;

@@ -16,7 +16,7 @@ import type { BodyFrame } from "../net/frames";
 import type { Faces } from "../pieces";
 import type { InteriorStyle } from "./interior";
 import { type Look, lookOf } from "./looks";
-import { type SeamDress, SeamLine } from "./seam-line";
+import { AGED_S, type SeamDress, SeamLine } from "./seam-line";
 import { tissueMaterial } from "./tissue-material";
 
 type Face = "skin" | "cut";
@@ -43,8 +43,12 @@ export class Tissue extends Group {
   private materials = new Uint8Array(0);
   /** Two vertices for each edge at which skin and walls meet. */
   private seamEdges = new Uint32Array(0);
+  /** Sim time at which the youngest part of a seam has its last colour, s. */
+  private agedAtS = Number.NEGATIVE_INFINITY;
   /** Area of the cut, m^2 at rest. */
   cutAreaM2 = 0;
+  /** Whether the last frame has it look other than the one before. */
+  looksNew = true;
 
   /** `sizeM` is the size of the object, which the size of its blotches follows. */
   constructor(name: string, readonly materialNames: readonly string[], colors: readonly string[], sizeM: number) {
@@ -108,6 +112,8 @@ export class Tissue extends Group {
   /** Takes a frame over; answers with the arrays that were shown before. */
   show({ shape, structure, nodes }: BodyFrame, nowS: number): SurfaceShape | undefined {
     const before = this.shape;
+    const stands = !structure && before !== undefined && areSame(before.positions, shape.positions, 3 * this.vertexCount);
+    this.looksNew = !stands || nowS < this.agedAtS;
     this.shape = shape;
     this.nowS.value = nowS;
     if (structure) this.restructure(structure, shape);
@@ -151,7 +157,9 @@ export class Tissue extends Group {
     dress("skin", structure.skin, structure.skinCount, shape.skinNormals);
     dress("cut", structure.cut, structure.cutCount, shape.cutNormals);
     if (structure.elementEdges) this.edges.geometry.setIndex(new BufferAttribute(structure.elementEdges, 1));
-    this.seam.restructure(this.seamDress(structure), shape.seam);
+    const seam = this.seamDress(structure);
+    this.agedAtS = AGED_S + seam.born.reduce((latest, bornS) => Math.max(latest, bornS), Number.NEGATIVE_INFINITY);
+    this.seam.restructure(seam, shape.seam);
   }
 
   private seamDress({ seam, materials, rims }: SurfaceStructure): SeamDress {
@@ -180,6 +188,11 @@ export class Tissue extends Group {
     this.edges.geometry.setAttribute("position", new BufferAttribute(nodes, 3));
     this.edges.geometry.setIndex(index);
   }
+}
+
+function areSame(a: Float32Array, b: Float32Array, count: number): boolean {
+  for (let i = 0; i < count; i++) if (a[i] !== b[i]) return false;
+  return true;
 }
 
 function dynamic(array: Float32Array): BufferAttribute {

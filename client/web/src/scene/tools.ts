@@ -56,6 +56,15 @@ export class Tool {
     if (this.hasArrow) this.arrow.show(object.position, new Vector3(...forceN), fullForceN);
   }
 
+  /** Where each of its parts is seen. */
+  get seen(): string {
+    const places: number[][] = [];
+    this.group.traverseVisible(({ position, quaternion, scale }) => {
+      places.push(position.toArray(), quaternion.toArray(), scale.toArray());
+    });
+    return JSON.stringify(places);
+  }
+
   set showsForce(shown: boolean) {
     this.hasArrow = shown;
     if (!shown) this.arrow.group.visible = false;

@@ -19,6 +19,11 @@ export function element<K extends keyof HTMLElementTagNameMap>(
   return made;
 }
 
+/** Writes a text into an element that says another: with every change the browser puts the whole page together anew. */
+export function write(into: HTMLElement, text: string): void {
+  if (into.textContent !== text) into.textContent = text;
+}
+
 /** The element of the page that has this id. */
 export function byId(id: string): HTMLElement {
   const found = document.getElementById(id);

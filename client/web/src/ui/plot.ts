@@ -25,6 +25,9 @@ interface Curve {
 export class Plot {
   private readonly canvas: HTMLCanvasElement;
   private points: PlotPoint[] = [];
+  /** What it was drawn with, and whether there are other points since. */
+  private drawnWith = "";
+  private isStale = true;
 
   constructor(canvas: HTMLCanvasElement) {
     this.canvas = canvas;
@@ -33,6 +36,7 @@ export class Plot {
   add(points: readonly PlotPoint[]): void {
     const newest = points.at(-1);
     if (!newest) return;
+    this.isStale = true;
     // Time that runs backwards is a reset, or a way back to a point.
     const last = this.points.at(-1);
     if (last && newest.timeS < last.timeS) this.points = [];
@@ -41,6 +45,7 @@ export class Plot {
   }
 
   clear(): void {
+    this.isStale = true;
     this.points = [];
   }
 
@@ -55,16 +60,21 @@ export class Plot {
     const width = canvas.clientWidth;
     const height = canvas.clientHeight;
     if (width === 0) return;
+    const style = getComputedStyle(canvas);
+    const color = (name: string) => style.getPropertyValue(name);
+    const colors = { force: color("--force"), depth: color("--depth"), line: color("--line"), label: color("--muted") };
+    const drawnWith = JSON.stringify([width, height, ratio, colors]);
+    if (!this.isStale && drawnWith === this.drawnWith) return;
+    this.isStale = false;
+    this.drawnWith = drawnWith;
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
     if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
     const context = canvas.getContext("2d")!;
-    const style = getComputedStyle(canvas);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     context.font = `11px ${style.fontFamily}`;
-    const color = (name: string) => style.getPropertyValue(name);
-    const force = this.curveOf(color("--force"), "left", "N", (point) => point.forceN);
-    const depth = this.curveOf(color("--depth"), "right", "m", (point) => point.depthM);
+    const force = this.curveOf(colors.force, "left", "N", (point) => point.forceN);
+    const depth = this.curveOf(colors.depth, "right", "m", (point) => point.depthM);
     // As much room beside the curves as the labels take.
     const room = ({ labels }: Curve) => Math.max(...labels.map((label) => context.measureText(label).width)) + 2 * BESIDE;
     const area = {
@@ -73,7 +83,7 @@ export class Plot {
       width: width - room(force) - room(depth),
       height: height - MARGIN.top - MARGIN.bottom,
     };
-    grid(context, area, color("--line"), color("--muted"));
+    grid(context, area, colors.line, colors.label);
     this.curve(context, area, depth);
     this.curve(context, area, force);
   }

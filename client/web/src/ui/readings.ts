@@ -1,9 +1,12 @@
 // What the instruments say: force and depth, what was cut, energies, and whether the machine keeps up.
 
 import type { Energy, Frame } from "../net/frames";
-import { byId, element } from "./dom";
+import { byId, element, write } from "./dom";
 import { digits, milliseconds, withUnit } from "./numbers";
 import { Plot, type PlotPoint } from "./plot";
+
+/** Time between two states that are written, ms: nobody reads faster. */
+const WRITTEN_EVERY_MS = 200;
 
 /** A line of a card: a name and a value that changes. */
 function reading(name: string, tip = ""): { line: HTMLElement; value: HTMLElement } {
@@ -35,6 +38,10 @@ export class Readings {
   private readonly before = element("p", { className: "before", hidden: true });
   private recentMs = 0;
   private tally: { step: number; lateSteps: number }[] = [];
+  private felt: PlotPoint | undefined;
+  /** Writes the newest state, if it is not written yet. */
+  private unwritten: (() => void) | undefined;
+  private isWaiting = false;
 
   constructor() {
     const canvas = element("canvas", {
@@ -56,6 +63,7 @@ export class Readings {
   /** Another session. */
   clear(): void {
     this.plot.clear();
+    this.unwritten = undefined;
     this.tally = [];
     this.recentMs = 0;
     this.roundTripMs.value.textContent = "–";
@@ -64,40 +72,49 @@ export class Readings {
   /** Force and depth of the tool that is looked at. */
   addPoints(points: readonly PlotPoint[]): void {
     this.plot.add(points);
-    const newest = points.at(-1);
-    if (!newest) return;
-    this.force.textContent = withUnit(newest.forceN, "N");
-    this.depth.textContent = `${digits(1000 * newest.depthM)} mm`;
+    this.felt = points.at(-1) ?? this.felt;
   }
 
   showNothingFelt(): void {
-    this.force.textContent = "0 N";
-    this.depth.textContent = "0 mm";
+    this.felt = undefined;
   }
 
   /** What a frame says; `dtS` is the time that a step has. */
   show(frame: Frame, dtS: number, cutAreaM2: number, pieces: number): void {
-    this.cutArea.value.textContent = `${digits(1e4 * cutAreaM2)} cm²`;
-    this.pieces.value.textContent = String(pieces);
-    for (const { key, value } of this.energies) {
-      value.textContent = frame.energy ? withUnit(frame.energy[key], "J") : "–";
-    }
     if (frame.stepMeanS > 0) {
       // Smoothed, so that it can be read.
       this.recentMs += (this.recentMs === 0 ? 1 : 0.1) * (1000 * frame.stepMeanS - this.recentMs);
     }
+    const latePercent = 100 * this.lateShare(frame);
+    this.unwritten = () => this.write(frame, dtS, cutAreaM2, pieces, latePercent);
+    if (!this.isWaiting) this.writeNewest();
+  }
+
+  private writeNewest(): void {
+    this.unwritten?.();
+    this.isWaiting = this.unwritten !== undefined;
+    this.unwritten = undefined;
+    if (this.isWaiting) setTimeout(() => this.writeNewest(), WRITTEN_EVERY_MS);
+  }
+
+  private write(frame: Frame, dtS: number, cutAreaM2: number, pieces: number, latePercent: number): void {
+    write(this.force, withUnit(this.felt?.forceN ?? 0, "N"));
+    write(this.depth, `${digits(1000 * (this.felt?.depthM ?? 0))} mm`);
+    write(this.cutArea.value, `${digits(1e4 * cutAreaM2)} cm²`);
+    write(this.pieces.value, String(pieces));
+    for (const { key, value } of this.energies) write(value, frame.energy ? withUnit(frame.energy[key], "J") : "–");
     const load = this.recentMs / (1000 * dtS);
-    this.stepTime.value.textContent = `${digits(this.recentMs)} of ${milliseconds(dtS)}`;
-    this.load.style.width = `${Math.min(100, 100 * load)}%`;
+    write(this.stepTime.value, `${digits(this.recentMs)} of ${milliseconds(dtS)}`);
+    this.load.style.width = `${Math.min(100, 100 * load).toFixed(0)}%`;
     this.load.className = load > 1 ? "fill over" : load > 0.8 ? "fill close" : "fill";
-    this.late.value.textContent = `${digits(this.lateShare(frame))} %`;
-    this.simTime.value.textContent = `${frame.simTimeS.toFixed(1)} s`;
+    write(this.late.value, `${digits(latePercent)} %`);
+    write(this.simTime.value, `${frame.simTimeS.toFixed(1)} s`);
     this.simTime.value.title = `Step ${frame.step}`;
     this.plot.draw();
   }
 
   showRoundTrip(milliseconds: number): void {
-    this.roundTripMs.value.textContent = `${digits(milliseconds)} ms`;
+    write(this.roundTripMs.value, `${digits(milliseconds)} ms`);
   }
 
   /** Keeps what a setting cost and did, to stand beside the next one. */
@@ -113,6 +130,6 @@ export class Readings {
     this.tally.push({ step, lateSteps });
     if (this.tally.length > 120) this.tally.shift();
     const first = this.tally[0];
-    return step > first.step ? (100 * (lateSteps - first.lateSteps)) / (step - first.step) : 0;
+    return step > first.step ? (lateSteps - first.lateSteps) / (step - first.step) : 0;
   }
 }
