@@ -179,13 +179,17 @@ test("what looks as it did is not drawn again", async () => {
   const sessionId = await server.create(BAR);
   const { page } = await open(browser, "about:blank");
   await page.addInitScript(() => {
+    const counted = { draws: 0 };
+    Object.assign(globalThis, counted);
     const { prototype } = WebGL2RenderingContext;
-    const { drawElements } = prototype;
-    Object.assign(globalThis, { draws: 0 });
-    prototype.drawElements = function (...args) {
-      (globalThis as unknown as { draws: number }).draws += 1;
-      drawElements.apply(this, args);
-    };
+    Object.assign(prototype, {
+      drawElements: new Proxy(Reflect.get(prototype, "drawElements") as () => void, {
+        apply(draw, context, args) {
+          (globalThis as unknown as typeof counted).draws += 1;
+          Reflect.apply(draw, context, args);
+        },
+      }),
+    });
   });
   await page.goto(`${server.address}/?session=${sessionId}`);
   await live(page);
