@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint lint-rust lint-clients tools publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page fuzz lives worlds soak deny advisories deb sbom image-archives wheel release-files checksums release-notes
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint lint-rust lint-clients tools publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance compare peers load load-page fuzz lives worlds soak deny advisories deb sbom image-archives wheel release-files checksums release-notes
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -232,6 +232,13 @@ experiment:
 # Writes docs/explanation/performance.md and its plots, in five minutes; nothing else should run.
 performance:
 	cargo run --release -p kerf-system-tests --bin performance
+
+# Builds another commit below target/ and runs it and this one in turn on the same scenes: writes docs/explanation/compared.md,
+# in a quarter of an hour; nothing else should run.
+BASE ?= 9a4e652
+ROUNDS ?= 5
+compare:
+	python3 tests/compare/run.py $(BASE) $(ROUNDS)
 
 # Steps the same block in MuJoCo and Rapier and writes docs/explanation/peers.md; installs both below target/, which needs a network.
 peers:
