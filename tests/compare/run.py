@@ -10,6 +10,7 @@ import shutil
 import statistics
 import subprocess
 import sys
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILT, OUT = ROOT / "target/compare", ROOT / "out/compare"
@@ -27,6 +28,8 @@ FEW, MANY = range(300, 701), 2400
 IDLE_MS = 0.2
 # That many livers at a rate that leaves room for each.
 SESSIONS, SESSION_HZ = 3, 60
+# Within this time an allocator has given back what the making of a session let go of, s.
+SETTLED_S = 15
 
 
 class Version:
@@ -67,13 +70,16 @@ class Version:
         """What each liver adds to a server's memory."""
         def grown(server):
             def resident():
+                time.sleep(SETTLED_S)
                 status = pathlib.Path(f"/proc/{server.pid}/status").read_text()
                 return 1024 * int(re.search(r"VmRSS:\s+(\d+)", status)[1])
-            sizes = []
-            for _ in range(SESSIONS):
+            def add_session():
                 self.load("--keep-session", "--step-rates", SESSION_HZ, "--strokes", 1, "--jitter", 0, "--duration", 1)
-                sizes.append(resident())
-            return (sizes[-1] - sizes[0]) / (SESSIONS - 1)
+            add_session()
+            first = resident()
+            for _ in range(SESSIONS - 1):
+                add_session()
+            return (resident() - first) / (SESSIONS - 1)
         return self.serve(grown)
 
     def figures(self):

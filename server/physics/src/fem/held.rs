@@ -193,7 +193,12 @@ impl VoxelCorners {
 
 /// The corners of a voxel.
 fn corners_of(voxel: [i32; 3]) -> impl Iterator<Item = [i32; 3]> + Clone {
-    (0..8).map(move |c| [0, 1, 2].map(|a| voxel[a] + (c >> a & 1)))
+    (0..8).map(move |corner| corner_of(voxel, corner))
+}
+
+/// One of them, 0 to 7.
+fn corner_of(voxel: [i32; 3], corner: usize) -> [i32; 3] {
+    [0, 1, 2].map(|a| voxel[a] + (corner >> a & 1) as i32)
 }
 
 /// A voxel of an element that touches what is held.
@@ -251,17 +256,20 @@ impl<'a> Displacements<'a> {
         weights
     }
 
-    /// For each pair of corners of the voxels that have these `matrices`, the sum of the products of their weights:
+    /// For a pair of corners of the voxels that have these `matrices`, the sum of the products of their weights:
     /// `P^T K P` over these voxels is that of the products with the blocks of K.
-    fn products(&self, voxels: &[Part<'_>], matrices: &ElementMatrices) -> Box<[[[f64; SHARES]; SHARES]; 64]> {
-        let mut products = Box::new([[[0.0; SHARES]; SHARES]; 64]);
+    fn products(
+        &self,
+        voxels: &[Part<'_>],
+        matrices: &ElementMatrices,
+        [row, column]: [usize; 2],
+    ) -> [[f64; SHARES]; SHARES] {
+        let mut products = [[0.0; SHARES]; SHARES];
         for (voxel, _, share) in voxels.iter().filter(|(_, of, _)| std::ptr::eq(*of, matrices)) {
-            let weights = self.of_voxel(*voxel);
-            for (pair, sum) in products.iter_mut().enumerate() {
-                let (row, column) = (&weights[pair / 8], &weights[pair % 8]);
-                for (sum, row) in sum.iter_mut().zip(row).filter(|(_, row)| **row != 0.0) {
-                    (0..SHARES).for_each(|q| sum[q] += share * row * column[q]);
-                }
+            let weights = |corner| &self.weights[self.corners.index(corner_of(*voxel, corner))];
+            let (row, column) = (weights(row), weights(column));
+            for (sum, row) in products.iter_mut().zip(row).filter(|(_, row)| **row != 0.0) {
+                (0..SHARES).for_each(|q| sum[q] += share * row * column[q]);
             }
         }
         products
@@ -274,9 +282,10 @@ impl<'a> Displacements<'a> {
             if voxels[..index].iter().any(|(_, other, _)| std::ptr::eq(*other, *matrices)) {
                 continue;
             }
-            for (pair, products) in self.products(voxels, matrices).iter().enumerate() {
+            for [row, column] in (0..64).map(|pair| [pair / 8, pair % 8]) {
+                let products = self.products(voxels, matrices, [row, column]);
                 for (k, sum) in [&matrices.stiffness, &matrices.stiffness_measured].into_iter().zip(&mut sums) {
-                    add_block(sum, products, |i, j| k[3 * (pair / 8) + i][3 * (pair % 8) + j]);
+                    add_block(sum, &products, |i, j| k[3 * row + i][3 * column + j]);
                 }
             }
         }
