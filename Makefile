@@ -234,7 +234,7 @@ performance:
 	cargo run --release -p kerf-system-tests --bin performance
 
 # Builds another commit below target/ and runs it and this one in turn on the same scenes: writes docs/explanation/compared.md,
-# in a quarter of an hour; nothing else should run.
+# in half an hour; nothing else should run.
 BASE ?= 9a4e652
 ROUNDS ?= 5
 compare:

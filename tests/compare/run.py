@@ -84,15 +84,15 @@ class Version:
 
     def figures(self):
         """One run of everything: (what, unit) to a figure."""
-        steps, summary, coarse_bytes = self.simulate("liver", "--rate", 1000, "--threads", 1, "--duration", STROKE_S)
+        _, summary, coarse_bytes = self.simulate("liver", "--rate", 1000, "--threads", 1, "--duration", STROKE_S)
         coarse_voxels, found = summary["voxels"], {
             "1 kHz, one thread, without fracture: median": summary["step_ms_median_without_fracture"],
             "the same: 99th percentile of all steps": summary["step_ms_p99"],
             "the same, with fracture: median": summary["step_ms_median_with_fracture"],
         }
-        steps, summary, _ = self.simulate("liver", "--rate", 60, "--threads", 2, "--level", 0, "--duration", STROKE_S)
+        _, summary, _ = self.simulate("liver", "--rate", 60, "--threads", 2, "--level", 0, "--duration", STROKE_S)
         found["60 Hz, level 0, two threads: median"] = summary["step_ms_median_without_fracture"]
-        steps, summary, fine_bytes = self.simulate(OUT / "fine.toml", "--rate", 60, "--threads", 2, "--duration", STROKE_S)
+        _, summary, fine_bytes = self.simulate(OUT / "fine.toml", "--rate", 60, "--threads", 2, "--duration", STROKE_S)
         found["60 Hz, 1.9 million voxels, two threads: median"] = summary["step_ms_median_without_fracture"]
         steps, _, _ = self.simulate("liver", "--rate", 250, "--threads", 1, "--script", OUT / "dicing.csv")
         few, many, links = [], [], 0
@@ -115,12 +115,18 @@ def run(*command, **options):
     subprocess.run([str(part) for part in command], check=True, **options)
 
 
+def resolved(name, how="--short"):
+    """The hash of what this repository has by that name."""
+    return subprocess.run(["git", "rev-parse", how, name], check=True, capture_output=True, text=True, cwd=ROOT).stdout.strip()
+
+
 def build(commit):
-    """Both versions' programs, the other commit's in a work tree of its own."""
+    """Both versions' programs, the other commit's in a clone of its own."""
     tree = BUILT / "tree"
     if not tree.exists():
-        run("git", "worktree", "add", "--quiet", "--detach", tree, commit, cwd=ROOT)
-    run("git", "checkout", "--quiet", "--detach", commit, cwd=tree)
+        run("git", "clone", "--quiet", "--shared", "--no-checkout", ROOT, tree)
+    run("git", "fetch", "--quiet", "origin", cwd=tree)
+    run("git", "checkout", "--quiet", "--detach", resolved(commit, "--verify"), cwd=tree)
     run("cargo", "build", "--release", "-p", "kerf-server", "-p", "kerf-load", "--target-dir", BUILT / "build", cwd=tree)
     run("cargo", "build", "--release", "-p", "kerf-server", "-p", "kerf-load", cwd=ROOT)
     return Version(BUILT / "build/release"), Version(ROOT / "target/release")
@@ -164,8 +170,7 @@ def main():
         before, after = ([of[what] for of in each] for each in runs)
         ratio = statistics.median(a / b if b else float("nan") for a, b in zip(after, before))
         lines.append(f"| {what} | {cell(statistics.median(before))} | {cell(statistics.median(after))} | {ratio:.2f} |\n")
-    here, there = (subprocess.run(["git", "rev-parse", "--short", name], check=True, capture_output=True, text=True,
-                                  cwd=ROOT).stdout.strip() for name in ("HEAD", commit))
+    here, there = resolved("HEAD"), resolved(commit)
     model = next(line for line in open("/proc/cpuinfo") if line.startswith("model name")).split(":")[1].strip()
     PAGE.write_text(HEAD.format(commit=commit, rounds=rounds, here=here, there=there, sessions=SESSIONS, stroke_s=STROKE_S,
                                 machine=f"{model}, {os.cpu_count()} cores")
