@@ -1,9 +1,7 @@
 //! The paper's horse, armadillo and bunny from scanned meshes: their sizes, and a stroke through each.
 
-use kerf_physics::grid::Grid;
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Grid, NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 use kerf_system_tests::performance::models::{ARMADILLO, BUNNY, HORSE};
 
 #[test]

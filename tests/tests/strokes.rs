@@ -1,8 +1,7 @@
 //! A few random strokes; `make strokes` makes thousands and writes docs/explanation/strokes.md. Meshes as found.
 
-use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::scene::TriangleMesh;
-use kerf_physics::{Scene, Vec3};
+use kerf_physics::{Scene, Vec3, voxelize};
 use kerf_scenes::file::read_mesh;
 use kerf_system_tests::shared;
 use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};

@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::surface::delta::{Keyframe, TopologyPatch};
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 use kerf_proto::v1;
 use kerf_scenes::catalog;
 use kerf_server::wire::{Encoder, Encoding};

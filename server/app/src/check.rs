@@ -1,12 +1,9 @@
 //! `kerf-server check`: what is wrong with a scene, and what its elements are asked to carry.
 
 use anyhow::{Result, bail};
-use kerf_physics::Scene;
-use kerf_physics::World;
-use kerf_physics::grid::Grid;
-use kerf_physics::grid::voxelize::region_voxels;
 use kerf_physics::scene::toughness::{asked_over_eh, carried_over_eh, composite_edge_m, gc_over_eh};
 use kerf_physics::scene::{MaterialDesc, ObjectDesc};
+use kerf_physics::{Grid, Scene, World, region_voxels};
 use kerf_scenes::ReadError;
 
 use crate::scene_args::{Run, SceneArgs, counted};

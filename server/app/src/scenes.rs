@@ -1,9 +1,8 @@
 //! `kerf-server scenes`: the built-in scenes in a table.
 
 use anyhow::{Context, Result};
-use kerf_physics::World;
-use kerf_physics::grid::voxelize::voxel_size_m;
 use kerf_physics::scene::toughness::{composite_edge_m, gc_over_eh};
+use kerf_physics::{World, voxel_size_m};
 use kerf_scenes::catalog;
 
 /// Prints a line per built-in scene; in parentheses what the paper's Table 1 says.

@@ -3,10 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use kerf_physics::grid::voxelize::region_voxels;
-use kerf_physics::grid::{Grid, VoxelId};
 use kerf_physics::step_io::Grasp;
-use kerf_physics::{NoClock, StepInputs, Workers, World};
+use kerf_physics::{Grid, NoClock, StepInputs, VoxelId, Workers, World, region_voxels};
 use kerf_scenes::catalog;
 use kerf_server::scene_args::read_script;
 

@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use kerf_physics::grid::VoxelId;
-use kerf_physics::{NoClock, StepInputs, Workers, World};
+use kerf_physics::{NoClock, StepInputs, VoxelId, Workers, World};
 use kerf_scenes::catalog;
 use kerf_server::scene_args::read_script;
 

@@ -1,8 +1,7 @@
 //! A cut half way through a solid, opened and written as a viewer would get it.
 
-use kerf_physics::Vec3;
-use kerf_physics::grid::{Crossing, Grid, Ijk, LinkId, Voxel};
 use kerf_physics::surface::Surface;
+use kerf_physics::{Crossing, Grid, Ijk, LinkId, Vec3, Voxel};
 use kerf_replica::{Face, glb};
 use kerf_server::simulate::surface::triangles;
 

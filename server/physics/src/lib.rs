@@ -16,8 +16,7 @@
 //!
 //! ```
 //! use kerf_physics::step_io::ToolMotion;
-//! use kerf_physics::tool::Pose;
-//! use kerf_physics::{NoClock, Scene, SceneDesc, StepInputs, ToolInput, Vec3, Workers, World};
+//! use kerf_physics::{NoClock, Pose, Scene, SceneDesc, StepInputs, ToolInput, Vec3, Workers, World};
 //!
 //! let text = r#"
 //! version = 1
@@ -55,9 +54,8 @@
 //!
 //! ```
 //! # use kerf_physics::step_io::ToolMotion;
-//! # use kerf_physics::tool::Pose;
-//! # use kerf_physics::{NoClock, Scene, SceneDesc, StepInputs, ToolInput, Vec3, Workers, World};
-//! use kerf_physics::body::MaterialPoint;
+//! # use kerf_physics::{NoClock, Pose, Scene, SceneDesc, StepInputs, ToolInput, Vec3, Workers, World};
+//! use kerf_physics::MaterialPoint;
 //! use kerf_physics::surface::triangulate;
 //!
 //! # let text = r#"
@@ -110,8 +108,7 @@
 //!
 //! ```
 //! # use kerf_physics::step_io::ToolMotion;
-//! # use kerf_physics::tool::Pose;
-//! # use kerf_physics::{NoClock, Scene, SceneDesc, StepInputs, ToolInput, Vec3, Workers, World};
+//! # use kerf_physics::{NoClock, Pose, Scene, SceneDesc, StepInputs, ToolInput, Vec3, Workers, World};
 //! # let text = r#"
 //! # version = 1
 //! # name = "block"
@@ -147,14 +144,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod body;
+mod body;
 mod boundary;
 mod contact;
 pub mod energy_terms;
 pub mod fault;
 mod fem;
 mod fracture;
-pub mod grid;
+mod grid;
 mod hash;
 mod ledger;
 mod likeness;
@@ -166,26 +163,34 @@ mod solve;
 pub mod stage;
 pub mod step_io;
 pub mod surface;
-pub mod tool;
+mod tool;
 mod validate;
 pub mod view;
 mod walk;
 mod work;
-pub mod workers;
+mod workers;
 pub mod world;
 
 /// What verification needs, and nothing else may use.
 #[doc(hidden)]
 pub mod verification {
+    pub use crate::body::State;
+    pub use crate::math::Nodal;
+    pub use crate::params::StepParams;
     pub use crate::validate::unjudged;
 }
 
+pub use body::{Body, MOST_CONTRAST};
+pub use grid::missed::{Missed, MissedPart};
+pub use grid::thickness::Thickness;
+pub use grid::voxelize::{Measures, measures, region_voxels, voxel_size_m, voxelize, wanted_levels};
+pub use grid::{Crossing, Grid, Ijk, LEAST_PIECE_VOXELS, LeftOut, Link, LinkId, MaterialPoint, Voxel, VoxelId};
 pub use hash::StateHasher;
 pub use math::{Mat3, Quat, Vec3};
-pub use params::StepParams;
 pub use scene::{Scene, SceneDesc, SceneError, SceneProblems};
 pub use stage::{NoClock, Stage, StageClock, StepProfile};
 pub use step_io::{StepInputs, StepOutput, ToolInput};
+pub use tool::{OPEN, Pose, PoseError};
 pub use validate::SoundScene;
 pub use workers::Workers;
 pub use world::World;

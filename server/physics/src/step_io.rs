@@ -219,7 +219,7 @@ pub struct FractureStep {
     /// Links that parted.
     pub parted_links: u32,
     /// Links that were crossed and spared, because parting them would have set free a piece of fewer
-    /// than [`crate::body::LEAST_PIECE_VOXELS`].
+    /// than [`crate::LEAST_PIECE_VOXELS`].
     pub spared_links: u32,
     /// Area that the fronts swept through intact material, m^2, reference configuration.
     pub cut_area_m2: f64,

@@ -5,13 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::support::cutting::attitude;
 use super::support::press::cutting_scene;
 use super::support::{world_beyond_limits, world_of};
-use kerf_physics::body::MaterialPoint;
 use kerf_physics::scene::{BladeDesc, Scene, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::surface::adapt::quality;
 use kerf_physics::surface::{VertexId, triangulate};
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{MaterialPoint, NoClock, Pose, StepInputs, ToolInput, Vec3, Workers, World};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 

@@ -8,8 +8,7 @@ use super::support::press::{LAWS, cutting_scene, press};
 use super::support::world_of;
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, EdgeDesc, GrasperDesc, RateDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };

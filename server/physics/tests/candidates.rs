@@ -1,12 +1,10 @@
 //! The patches that may meet: followed through cuts and folds, none that meets another is missed.
 
 use super::support::{Lcg, body, object, params};
-use kerf_physics::body::Body;
 use kerf_physics::contact::candidates::{Candidates, Reach};
 use kerf_physics::contact::patch_hash::PlacedPatch;
 use kerf_physics::contact::press::FACING;
-use kerf_physics::grid::{Crossing, LinkId};
-use kerf_physics::{Vec3, Workers};
+use kerf_physics::{Body, Crossing, LinkId, Vec3, Workers};
 use std::f64::consts::PI;
 
 const H_M: f64 = 2.5e-3;

@@ -2,8 +2,7 @@
 
 use super::support::{object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, GrasperDesc, ScissorsDesc, ToolDesc};
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, Vec3, World};
+use kerf_physics::{OPEN, Pose, Quat, Vec3, World};
 
 const VOXEL_M: f64 = 2e-3;
 const HALF_M: f64 = 0.02;

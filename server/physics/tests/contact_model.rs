@@ -3,8 +3,7 @@
 use super::support::{object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, GrasperDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{ContactModel, Grasp, ToolMotion, ToolOutput};
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, OPEN, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const DT_S: f64 = 1e-3;
 /// Steps of a millisecond between two models, at about 250 and 60 Hz.

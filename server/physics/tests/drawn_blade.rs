@@ -3,9 +3,8 @@
 use super::support::cutting::*;
 use kerf_physics::scene::{BladeDesc, EdgeDesc, Face, LoadDesc, ObjectDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::SolveReport;
-use kerf_physics::tool::Pose;
 use kerf_physics::tool::blade::Blade;
-use kerf_physics::{Quat, Vec3};
+use kerf_physics::{Pose, Quat, Vec3};
 
 const GC: f64 = 20.0;
 const TOP_M: f64 = 0.012;

@@ -2,10 +2,9 @@
 //! the same voxels.
 
 use super::support::{body, object, params};
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::ElementKind::{self, ByContent, Galerkin, Homogenised, IncompatibleModes};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc};
-use kerf_physics::{Vec3, Workers};
+use kerf_physics::{Crossing, LinkId, Vec3, Workers};
 
 const H_M: f64 = 2e-3;
 const CONTRAST: f64 = 100.0;

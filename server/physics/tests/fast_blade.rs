@@ -4,8 +4,7 @@ use super::support::cutting::*;
 use super::support::world_of;
 use kerf_physics::scene::{BladeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const H_M: f64 = 0.0025;
 const RATE_HZ: f64 = 60.0;
@@ -49,7 +48,7 @@ fn a_sheet_that_the_edge_would_jump_in_a_step_catches_it() {
         let middle = |x: f64, y: f64| Vec3::new(x, y, 0.0);
         let body = world.bodies()[0];
         let grid = &body.state.grid;
-        let point = |position_m: Vec3| kerf_physics::body::MaterialPoint {
+        let point = |position_m: Vec3| kerf_physics::MaterialPoint {
             position_m,
             voxel: grid.voxel_at(grid.cell_of(&position_m)).expect("a point of the sheet"),
         };

@@ -1,10 +1,9 @@
 //! Voxels that the surface cuts: as heavy and as stiff as what of them is filled.
 
 use super::support::{body, object, scene, world_of};
-use kerf_physics::body::MaterialPoint;
-use kerf_physics::grid::VoxelId;
 use kerf_physics::scene::{Face, LoadDesc, ShapeDesc};
-use kerf_physics::{StepParams, Workers};
+use kerf_physics::verification::StepParams;
+use kerf_physics::{MaterialPoint, VoxelId, Workers};
 use std::f64::consts::PI;
 
 const PARAMS: StepParams = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };

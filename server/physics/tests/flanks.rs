@@ -3,11 +3,9 @@
 use super::support::cutting::*;
 use super::support::{body, object, params};
 use kerf_physics::contact::flank::WallsBeside;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{BladeDesc, ToolDesc};
-use kerf_physics::tool::Pose;
 use kerf_physics::tool::blade::Blade;
-use kerf_physics::{Quat, Vec3, Workers};
+use kerf_physics::{Crossing, LinkId, Pose, Quat, Vec3, Workers};
 
 const H_M: f64 = 2.5e-3;
 const DEEP_M: f64 = 0.02;

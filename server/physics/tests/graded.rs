@@ -2,11 +2,9 @@
 
 use super::support::cutting::*;
 use super::support::{Lcg, body, object, params};
-use kerf_physics::body::Body;
 use kerf_physics::grid::levels::{Level, VoxelUnits};
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, FinerDesc, LoadDesc, ObjectDesc, ShapeDesc};
-use kerf_physics::{Mat3, Quat, Vec3, Workers};
+use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, Workers};
 
 const EDGE_M: f64 = 0.16;
 

@@ -3,8 +3,7 @@
 use super::support::{Lcg, object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, GrasperDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, Grasp, StepOutput, ToolMotion};
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, OPEN, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const YOUNG_PA: f64 = 1e5;
 /// Half of the side of the strip, m.
@@ -143,9 +142,9 @@ fn what_hangs_from_a_grasper_weighs_on_it_force_and_torque() {
     let output = hand.rest(600).clone();
     let body = hand.world.bodies()[0];
     let grid = &body.state.grid;
-    let centre = (0..grid.voxels().len() as u32).map(kerf_physics::grid::VoxelId).map(|voxel| {
+    let centre = (0..grid.voxels().len() as u32).map(kerf_physics::VoxelId).map(|voxel| {
         let position_m = grid.centre_m(grid.voxels()[voxel.index()].ijk);
-        body.current_m(&kerf_physics::body::MaterialPoint { position_m, voxel })
+        body.current_m(&kerf_physics::MaterialPoint { position_m, voxel })
     });
     let centre = centre.sum::<Vec3>() / grid.voxels().len() as f64;
     let weight = Vec3::new(0.0, -9.81 * body.mass_kg(), 0.0);

@@ -2,11 +2,9 @@
 
 use super::support::cutting::*;
 use super::support::{object, scene, world_of};
-use kerf_physics::grid::Grid;
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, GrasperDesc, Scene, ScissorsDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{ContactModel, Grasp, StepOutput, ToolMotion};
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Grid, NoClock, OPEN, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 const YOUNG_PA: f64 = 1e5;

@@ -1,10 +1,9 @@
 //! What is held, voxel by voxel, in elements of many voxels.
 
 use super::support::{assert_forces_are_the_energys_slope, body, mean_displacement, object, scene, world_of};
-use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::grid::{Crossing, Grid, LinkId, VoxelId};
 use kerf_physics::scene::{Face, LoadDesc, ShapeDesc, ViscosityDesc};
-use kerf_physics::{StepParams, Vec3, Workers};
+use kerf_physics::verification::StepParams;
+use kerf_physics::{Body, Crossing, Grid, LinkId, MaterialPoint, Vec3, VoxelId, Workers};
 
 const H_M: f64 = 2.5e-3;
 const YOUNG_PA: f64 = 2e6;

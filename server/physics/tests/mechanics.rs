@@ -1,9 +1,7 @@
 //! Elements, forces and the solve against analytic results.
 
 use super::support::{Lcg, beam, body, object, params};
-use kerf_physics::body::Body;
-use kerf_physics::grid::{Crossing, Grid, LinkId};
-use kerf_physics::{Mat3, Quat, Vec3, Workers};
+use kerf_physics::{Body, Crossing, Grid, LinkId, Mat3, Quat, Vec3, Workers};
 
 fn shear(a: f64) -> Mat3 {
     Mat3::new(0.02, a, -0.01, 0.03, -0.015, 0.02, 0.01, -0.02, 0.025)

@@ -1,11 +1,9 @@
 //! Motion without tools: what implicit Euler keeps exactly, and what bounds the energy.
 
 use super::support::{Lcg, object, run, scene, world_beyond_limits, world_of};
-use kerf_physics::body::Body;
 use kerf_physics::fault::FaultKind;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, Scene, ShapeDesc, TrackedPointDesc};
-use kerf_physics::{NoClock, Quat, StepInputs, Vec3, Workers, World};
+use kerf_physics::{Body, Crossing, LinkId, NoClock, Quat, StepInputs, Vec3, Workers, World};
 
 const GRAVITY_M_PER_S2: f64 = 9.81;
 

@@ -2,10 +2,9 @@
 
 use super::support::cutting::{Rig, attitude, cutting_scene};
 use super::support::{Lcg, assert_forces_are_the_energys_slope, body, object, params, run, scene, world_of};
-use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::grid::{Crossing, LinkId, VoxelId};
 use kerf_physics::scene::{MaterialDesc, ObjectDesc, PrestrainDesc, RegionDesc, ShapeDesc};
-use kerf_physics::{StepParams, Vec3, Workers};
+use kerf_physics::verification::StepParams;
+use kerf_physics::{Body, Crossing, LinkId, MaterialPoint, Vec3, VoxelId, Workers};
 
 const H_M: f64 = 0.005;
 const YOUNG_PA: f64 = 1e6;

@@ -3,8 +3,7 @@
 use super::support::{object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const YOUNG_PA: f64 = 1e5;
 

@@ -2,9 +2,8 @@
 
 use super::rollback::is_upper;
 use super::support::{object, scene, world_of};
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::ShapeDesc;
-use kerf_physics::{NoClock, StepInputs, Vec3, Workers, World};
+use kerf_physics::{Crossing, LinkId, NoClock, StepInputs, Vec3, Workers, World};
 
 const RATE_HZ: f64 = 250.0;
 const GRAVITY_M_PER_S2: f64 = 9.81;

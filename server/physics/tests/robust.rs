@@ -2,11 +2,9 @@
 //! accounted for, no piece of a few voxels.
 
 use super::support::{Lcg, object, scene, world_of};
-use kerf_physics::body::LEAST_PIECE_VOXELS;
 use kerf_physics::scene::{BladeDesc, EdgeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{LEAST_PIECE_VOXELS, NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const SEMI_AXES_M: [f64; 3] = [0.03, 0.022, 0.025];
 

@@ -1,10 +1,8 @@
 //! What a step has lost goes back, piece by piece.
 
 use super::support::{body, object, params};
-use kerf_physics::Workers;
-use kerf_physics::body::Body;
 use kerf_physics::fault::FaultKind;
-use kerf_physics::grid::{Crossing, LinkId};
+use kerf_physics::{Body, Crossing, LinkId, Workers};
 
 /// A bar along x, cut through its middle: E 1 MPa and 16 ml a piece.
 pub fn two_pieces() -> Body {

@@ -3,8 +3,7 @@
 use super::support::{object, scene, world_of};
 use kerf_physics::scene::{Scene, ScissorsDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, StepOutput, ToolMotion};
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const GC_J_PER_M2: f64 = 100.0;
 const SIDE_M: f64 = 0.01;

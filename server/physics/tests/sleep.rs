@@ -4,8 +4,7 @@ use super::support::press::LAWS;
 use super::support::{object, scene, world_beyond_limits, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const TOLERANCE: f64 = 1e-3;
 const RADIUS_M: f64 = 0.02;

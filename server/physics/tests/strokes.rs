@@ -1,10 +1,9 @@
 //! Strokes of a blade beyond the steady cut: slots, second strokes, old cuts, separation, soft tissue.
 
 use super::support::cutting::*;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::toughness::composite_edge_m;
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
-use kerf_physics::{Quat, Vec3};
+use kerf_physics::{Crossing, LinkId, Quat, Vec3};
 
 const TOP_M: f64 = BLOCK_HEIGHT_M + 5e-4;
 const H_M: f64 = 2.5e-3;

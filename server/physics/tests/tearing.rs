@@ -1,12 +1,10 @@
 //! Tissue that is pulled apart: what a crack sets free, against theory, and when it goes on by itself.
 
 use super::support::{body, material, object, params, scene, world_beyond_limits};
-use kerf_physics::StepParams;
-use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::fracture::release::{Tip, released};
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, RegionDesc, ShapeDesc};
-use kerf_physics::{NoClock, StepInputs, Vec3, Workers, World};
+use kerf_physics::verification::StepParams;
+use kerf_physics::{Body, Crossing, LinkId, MaterialPoint, NoClock, StepInputs, Vec3, Workers, World};
 
 const YOUNG_PA: f64 = 1e6;
 const THICKNESS_M: f64 = 0.02;

@@ -2,11 +2,9 @@
 
 use super::support::cutting::{Rig, attitude, cutting_scene};
 use super::support::{body, object, params};
-use kerf_physics::StepParams;
-use kerf_physics::body::Body;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, PrestrainDesc, RegionDesc, Scene, ShapeDesc};
-use kerf_physics::{Vec3, Workers};
+use kerf_physics::verification::StepParams;
+use kerf_physics::{Body, Crossing, LinkId, Vec3, Workers};
 
 const YOUNG_PA: f64 = 1e6;
 const GC_J_PER_M2: f64 = 200.0;

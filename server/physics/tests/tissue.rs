@@ -6,8 +6,7 @@ use super::support::world_of;
 use kerf_physics::scene::toughness::{carried_over_eh, composite_edge_m};
 use kerf_physics::scene::{BladeDesc, Scene, SceneDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers};
 
 const RATE_HZ: f64 = 500.0;
 const SPEED_M_PER_S: f64 = 0.05;

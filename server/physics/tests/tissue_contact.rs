@@ -1,10 +1,8 @@
 //! Tissue against tissue: bodies, parts and flaps press on each other and do not pass through.
 
 use super::support::{object, scene, world_beyond_limits, world_of};
-use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ShapeDesc};
-use kerf_physics::{NoClock, StepInputs, Vec3, Workers, World};
+use kerf_physics::{Body, Crossing, LinkId, MaterialPoint, NoClock, StepInputs, Vec3, Workers, World};
 
 const H_M: f64 = 0.0025;
 const SIDE_M: f64 = 0.04;
@@ -76,7 +74,7 @@ fn velocity_m_per_s(body: &Body) -> Vec3 {
 fn top_m(body: &Body, top_m: f64) -> Vec<f64> {
     let grid = &body.state.grid;
     let rows = grid.dims()[1] - 1;
-    let faces = (0..grid.voxels().len() as u32).map(kerf_physics::grid::VoxelId);
+    let faces = (0..grid.voxels().len() as u32).map(kerf_physics::VoxelId);
     let upper = faces.filter(|v| grid.voxels()[v.index()].ijk[1] == rows);
     upper
         .map(|voxel| {

@@ -6,9 +6,8 @@ use kerf_physics::scene::{BladeDesc, MaterialDesc, RegionDesc, Scene, ShapeDesc,
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::surface::delta::{BodyStructure, TopologyPatch};
 use kerf_physics::surface::hash::{ObjectHash, surface_hash};
-use kerf_physics::tool::Pose;
 use kerf_physics::view::{Frame, StructureChange, View};
-use kerf_physics::{NoClock, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
 
 const STEPS_PER_STROKE: usize = 60;
 
@@ -238,7 +237,7 @@ impl Viewer {
 
 #[test]
 fn viewers_put_every_vertex_where_its_material_is_also_beside_what_is_held() {
-    use kerf_physics::body::MaterialPoint;
+    use kerf_physics::MaterialPoint;
     let mut world = two_blocks();
     let mut viewers: [Viewer; 2] = Default::default();
     viewers.iter_mut().zip(&world.keyframe().bodies).for_each(|(viewer, body)| viewer.take(body));

@@ -3,10 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use super::support::{Lcg, body, object, params, run, scene, viscosity, world_of};
-use kerf_physics::body::Body;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc, ViscosityDesc};
-use kerf_physics::{Mat3, Quat, Vec3, Workers};
+use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, Workers};
 
 const YOUNG_PA: f64 = 1e6;
 const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-10.0; 3], max_m: [10.0; 3] };

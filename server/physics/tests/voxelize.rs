@@ -1,9 +1,7 @@
 //! Voxelization against volumes, areas and normals that are known.
 
-use kerf_physics::Vec3;
-use kerf_physics::grid::voxelize::{region_voxels, voxelize};
-use kerf_physics::grid::{Crossing, Grid, Link, LinkId};
 use kerf_physics::scene::{ElementKind, MaterialDesc, Meshes, ObjectDesc, RegionDesc, ShapeDesc, TriangleMesh};
+use kerf_physics::{Crossing, Grid, Link, LinkId, Vec3, region_voxels, voxelize};
 use std::f64::consts::PI;
 
 fn material() -> MaterialDesc {

@@ -2,9 +2,8 @@
 //!
 //! Deliberately absent: exactness. A scene is refused or admitted by these figures, nothing is sized by them.
 
-use kerf_physics::grid::voxelize::{measures, voxelize, wanted_levels};
 use kerf_physics::scene::{Meshes, ObjectDesc};
-use kerf_physics::{SceneError, SceneProblems, SoundScene};
+use kerf_physics::{SceneError, SceneProblems, SoundScene, measures, voxelize, wanted_levels};
 
 /// Cells along the longest side of the lattice that volumes are taken from.
 const COARSE_RESOLUTION: u32 = 24;

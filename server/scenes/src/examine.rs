@@ -1,15 +1,13 @@
 //! What is to be said of a scene before it runs. Whoever runs scenes asks here, so that all refuse and warn alike.
 
-use kerf_physics::body::MOST_CONTRAST;
-use kerf_physics::grid::missed::{Missed, MissedPart};
-use kerf_physics::grid::thickness::Thickness;
-use kerf_physics::grid::voxelize::region_voxels;
-use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut, VoxelId};
 use kerf_physics::making::Making;
 use kerf_physics::scene::toughness::{carries, composite_edge_m};
 use kerf_physics::scene::{LoadDesc, ObjectDesc, PlacedMesh, ShapeDesc, Strays};
 use kerf_physics::surface::Surface;
-use kerf_physics::{Scene, SceneError, SceneProblems, SoundScene, World};
+use kerf_physics::{
+    Grid, LEAST_PIECE_VOXELS, LeftOut, MOST_CONTRAST, Missed, MissedPart, Scene, SceneError, SceneProblems, SoundScene,
+    Thickness, VoxelId, World, region_voxels,
+};
 
 use crate::mesh_faults::mesh_faults;
 

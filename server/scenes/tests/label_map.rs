@@ -6,9 +6,7 @@ use std::path::Path;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use kerf_physics::Vec3;
-use kerf_physics::grid::Grid;
-use kerf_physics::grid::voxelize::voxelize;
+use kerf_physics::{Grid, Vec3, voxelize};
 use kerf_scenes::catalog;
 use kerf_scenes::examine::examine;
 use nalgebra::{Matrix3, Rotation3};
@@ -147,7 +145,7 @@ fn a_ball_within_a_ball_has_its_volumes_where_the_patient_has_them() {
 
 #[test]
 fn the_surface_of_a_ball_has_the_balls_normals_and_no_steps() {
-    use kerf_physics::grid::Link;
+    use kerf_physics::Link;
     let folder = tempfile::tempdir().unwrap();
     let grid = load(folder.path(), &ball_in_ball().bytes(), &scene_text("")).unwrap();
     let center_m = in_scene_m(CENTER_MM);

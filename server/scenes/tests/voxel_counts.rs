@@ -2,8 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use kerf_physics::grid::voxelize::{region_voxels, voxelize};
-use kerf_physics::grid::{Grid, Link};
+use kerf_physics::{Grid, Link, region_voxels, voxelize};
 use kerf_scenes::catalog;
 
 /// Number of parts that hang together by faces.

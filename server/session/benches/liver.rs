@@ -7,10 +7,8 @@
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, SoundScene, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Pose, Quat, SoundScene, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World, voxelize};
 use kerf_scenes::catalog;
 use kerf_session::clock::MonotonicClock;
 

@@ -387,9 +387,8 @@ fn follow(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kerf_physics::Vec3;
     use kerf_physics::step_io::ToolMotion;
-    use kerf_physics::tool::Pose;
+    use kerf_physics::{Pose, Vec3};
 
     const STEPPING: Drain = Drain::Stepping { dt_s: 2e-3 };
 

@@ -1,7 +1,7 @@
 //! Whether a pose that arrived may move a tool: does it lie in the workspace, and could the tool have moved
 //! there since its last accepted pose?
 
-use kerf_physics::tool::Pose;
+use kerf_physics::Pose;
 
 use crate::limits::PoseLimits;
 use crate::pose_refusal::PoseRefusal;

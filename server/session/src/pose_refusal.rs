@@ -1,6 +1,6 @@
 //! Why a pose was refused, with the field and the limit.
 
-use kerf_physics::tool::PoseError;
+use kerf_physics::PoseError;
 
 /// Why a pose was refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -4,7 +4,7 @@
 //! here: each of a burst is plausible after the one before, and together they would throw a blade through the tissue in
 //! a millisecond.
 
-use kerf_physics::tool::Pose;
+use kerf_physics::Pose;
 
 use crate::limits::PoseLimits;
 use crate::pose_refusal::PoseRefusal;

@@ -1,7 +1,7 @@
 //! One tool as a session sees it between ticks: who drives it, and what it does next.
 
+use kerf_physics::Pose;
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
 
 use crate::limits::PoseLimits;
 use crate::pose_check::{PoseSample, TimedPose, check_motion, check_place};
@@ -312,8 +312,7 @@ impl ToolSlot {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kerf_physics::Vec3;
-    use kerf_physics::tool::Pose;
+    use kerf_physics::{Pose, Vec3};
 
     const MS: u64 = 1_000_000;
     const DT_S: f64 = 2e-3;

@@ -5,8 +5,7 @@ use std::time::Duration;
 
 use super::session::report_where;
 use kerf_physics::scene::text::is_hidden;
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
+use kerf_physics::{OPEN, Pose, Quat, Scene, SceneDesc, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::stepping::Steps;
 use kerf_session::{

@@ -7,8 +7,7 @@ use std::time::Duration;
 
 use kerf_physics::scene::{GrasperDesc, ToolDesc};
 use kerf_physics::step_io::Grasp;
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, Scene, SceneDesc, SoundScene, Vec3, Workers};
+use kerf_physics::{OPEN, Pose, Quat, Scene, SceneDesc, SoundScene, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
     Driver, Past, Phase, PoseRefusal, PoseSample, Registry, Resimulation, SceneEvent, Session, SessionError, SessionId,

@@ -3,8 +3,7 @@
 use anyhow::{Context, Result};
 use kerf_physics::scene::{ObjectDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, Scene, SceneDesc, SoundScene, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, Scene, SceneDesc, SoundScene, StepInputs, ToolInput, Vec3, Workers, World};
 
 const SCENE: &str = include_str!("../../scenes/needle-liver.toml");
 /// Height of the surface, m.

@@ -1,9 +1,7 @@
 //! Random cuts by the hundred thousand, without a blade: links are parted one by one, in discs, or all
 //! of them, while the body moves.
 
-use kerf_physics::body::{Body, LEAST_PIECE_VOXELS};
-use kerf_physics::grid::{Crossing, Grid, LinkId};
-use kerf_physics::{Vec3, Workers};
+use kerf_physics::{Body, Crossing, Grid, LEAST_PIECE_VOXELS, LinkId, Vec3, Workers};
 
 use super::materials::parameters;
 use super::scenes::{Specimen, SplitMix64};

@@ -1,9 +1,7 @@
 //! The same asked of inputs that a generator chooses and, where one fails, shrinks.
 
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, Vec3, Workers};
+use kerf_physics::{Crossing, LinkId, Pose, Quat, Vec3, Workers};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
 

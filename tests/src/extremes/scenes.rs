@@ -2,8 +2,7 @@
 
 use kerf_physics::scene::{BladeDesc, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, Vec3};
+use kerf_physics::{Pose, Quat, Vec3};
 
 /// Rayleigh damping at the lowest frequency, mass and stiffness share each, over the critical one:
 /// what tissue has, and enough for rest to be reached within the run.

@@ -75,7 +75,7 @@ fn massless(waves: f64) -> Specimen {
 
 /// Largest difference, in voxels, between how far two corners of an element are from each other and
 /// how far they were at rest: blind to where the body is and how it is turned.
-fn shape_error_voxels(body: &kerf_physics::body::Body) -> f64 {
+fn shape_error_voxels(body: &kerf_physics::Body) -> f64 {
     let mut worst = 0.0f64;
     for element in &body.base().elements {
         for (i, &a) in element.nodes.iter().enumerate() {

@@ -1,8 +1,7 @@
 //! The smallest bodies, and bodies held nowhere, everywhere, or cut free.
 
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{SceneProblems, Vec3, Workers};
+use kerf_physics::{Crossing, LinkId, SceneProblems, Vec3, Workers};
 
 use super::cuts::check_body;
 use super::materials::{parameters, pressed};

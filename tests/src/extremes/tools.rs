@@ -2,8 +2,7 @@
 
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, SceneProblems, Vec3};
+use kerf_physics::{Pose, Quat, SceneProblems, Vec3};
 
 use super::cuts::check_body;
 use super::materials::parameters;

@@ -1,8 +1,7 @@
 //! One world under observation: what goes in, what is stored, what it costs to solve.
 
-use kerf_physics::body::Body;
 use kerf_physics::step_io::{StepOutput, ToolMotion};
-use kerf_physics::{NoClock, Scene, SceneProblems, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Body, NoClock, Scene, SceneProblems, StepInputs, ToolInput, Vec3, Workers, World};
 
 /// Energies below this fraction of `E V` (Young's modulus times volume), those of strains of a thousandth,
 /// count as nothing.

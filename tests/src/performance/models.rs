@@ -1,9 +1,8 @@
 //! The paper's horse, armadillo and bunny, from scanned meshes.
 
 use anyhow::Result;
-use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::scene::{Meshes, ShapeDesc};
-use kerf_physics::{Scene, SceneDesc, SoundScene};
+use kerf_physics::{Scene, SceneDesc, SoundScene, voxelize};
 use kerf_scenes::file::read_mesh;
 
 use crate::shared;

@@ -2,10 +2,9 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use kerf_physics::body::Body;
 use kerf_physics::step_io::StepOutput;
 use kerf_physics::surface::Surface;
-use kerf_physics::{NoClock, SceneProblems, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Body, NoClock, SceneProblems, StepInputs, ToolInput, Vec3, Workers, World};
 use serde::{Deserialize, Serialize};
 
 use super::hand::Stroke;

@@ -1,8 +1,7 @@
 //! One random stroke.
 
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, Vec3};
+use kerf_physics::{Pose, Quat, Vec3};
 
 use super::model::BLADES;
 use crate::extremes::scenes::{SplitMix64, line};

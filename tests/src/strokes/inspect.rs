@@ -1,7 +1,7 @@
 //! What the surface and the pieces of a cut body are like.
 
-use kerf_physics::grid::{Grid, Link};
 use kerf_physics::surface::{Surface, VertexId};
+use kerf_physics::{Grid, Link};
 
 /// One passage of a quad along an edge.
 struct HalfEdge {

@@ -1,10 +1,8 @@
 //! Patch test, rigid rotation, and force as the gradient of the energy: what holds to round-off.
 
 use anyhow::Result;
-use kerf_physics::body::Body;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
-use kerf_physics::{Mat3, Quat, Vec3, Workers};
+use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, Workers};
 use rayon::prelude::*;
 
 use super::scenes::{Lcg, Mesh, block, deform, largest, material, scene};

@@ -1,9 +1,8 @@
 //! Boxes whose sides do not lie on the lattice: their mass, and how far a bar of such a section bends.
 
 use anyhow::Result;
-use kerf_physics::StepParams;
-use kerf_physics::Workers;
-use kerf_physics::body::Body;
+use kerf_physics::verification::StepParams;
+use kerf_physics::{Body, Workers};
 use rayon::prelude::*;
 
 use super::cantilever::{sag_of_clamp_m, theory};

@@ -7,8 +7,7 @@ use anyhow::{Context, Result};
 use kerf_physics::scene::toughness::asked_over_eh;
 use kerf_physics::scene::{BladeDesc, FractureRule, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 use kerf_plot::{Axis, BLUE, Chart, Curve, Figure, GREEN, RED, RGBColor};
 use rayon::prelude::*;
 

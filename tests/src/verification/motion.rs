@@ -1,10 +1,8 @@
 //! Motion without tools: momenta, energy, and the return from violent starts.
 
 use anyhow::{Result, ensure};
-use kerf_physics::body::Body;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
-use kerf_physics::{Mat3, Quat, Vec3, Workers, World};
+use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, Workers, World};
 use rayon::prelude::*;
 
 use super::scenes::{Lcg, Mesh, block, material, run, scene};

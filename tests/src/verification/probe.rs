@@ -3,8 +3,7 @@
 use anyhow::{Result, ensure};
 use kerf_physics::scene::{CapsuleDesc, Face, LoadDesc, ObjectDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, StepInputs, ToolInput, Vec3, Workers, World};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, displacement_m, material, scene};

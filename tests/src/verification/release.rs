@@ -4,10 +4,8 @@
 use std::ops::Range;
 
 use anyhow::Result;
-use kerf_physics::Vec3;
-use kerf_physics::body::Body;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc};
+use kerf_physics::{Body, Crossing, LinkId, Vec3};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, displacement_m, material, scene};

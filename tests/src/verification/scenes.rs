@@ -1,9 +1,8 @@
 //! Scenes of the verification cases, and what is read off a body.
 
 use anyhow::{Context, Result};
-use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::scene::{ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
-use kerf_physics::{Mat3, NoClock, StepInputs, Vec3, Workers, World};
+use kerf_physics::{Body, Mat3, MaterialPoint, NoClock, StepInputs, Vec3, Workers, World};
 
 /// A shape that holds every voxel.
 pub const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-1e2; 3], max_m: [1e2; 3] };

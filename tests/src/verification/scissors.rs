@@ -3,8 +3,7 @@
 use anyhow::{Result, ensure};
 use kerf_physics::scene::{ScissorsDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, ToolMotion};
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, material, scene};

@@ -1,9 +1,7 @@
 //! A free bar that spins is stretched by what its spin says, whatever it turns by in a step.
 
 use anyhow::{Result, ensure};
-use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::grid::VoxelId;
-use kerf_physics::{Vec3, Workers, World};
+use kerf_physics::{Body, MaterialPoint, Vec3, VoxelId, Workers, World};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, material, run, scene};

@@ -8,10 +8,9 @@
 use std::collections::VecDeque;
 
 use anyhow::{Context, Result, bail};
-use kerf_physics::StepParams;
-use kerf_physics::Workers;
-use kerf_physics::body::{Body, Nodal};
 use kerf_physics::scene::Scene;
+use kerf_physics::verification::{Nodal, StepParams};
+use kerf_physics::{Body, Workers};
 use nalgebra::{DMatrix, DVector};
 
 use super::scenes::largest;

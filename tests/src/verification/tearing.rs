@@ -1,11 +1,9 @@
 //! How fast a crack runs through a strip that is pulled, without a blade.
 
 use anyhow::{Result, ensure};
-use kerf_physics::body::Body;
-use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, RegionDesc, ShapeDesc};
 use kerf_physics::verification::unjudged;
-use kerf_physics::{Workers, World};
+use kerf_physics::{Body, Crossing, LinkId, Workers, World};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, material, run, scene};

@@ -4,9 +4,8 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::world::LoadError;
-use kerf_physics::{NoClock, Quat, Scene, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, OPEN, Pose, Quat, Scene, StepInputs, ToolInput, Vec3, Workers, World};
 use kerf_server::journal::past;
 use kerf_server::recording::reader::Recording;
 use mcap::{MessageStream, WriteOptions};

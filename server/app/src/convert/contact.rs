@@ -1,7 +1,7 @@
 //! Poses in, contacts out.
 
+use kerf_physics::OPEN;
 use kerf_physics::step_io::{ContactModel, Grasp, ToolOutput};
-use kerf_physics::tool::OPEN;
 use kerf_proto::v1;
 use kerf_session::{DriverId, PoseLimits, PoseRefusal, PoseSample, StepReport};
 
@@ -105,8 +105,8 @@ fn contact_model(model: &ContactModel, blend_time_s: f64) -> v1::ContactModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kerf_physics::Pose;
     use kerf_physics::step_io::Give;
-    use kerf_physics::tool::Pose;
 
     #[test]
     fn stiffness_travels_as_its_upper_triangle_row_by_row() {

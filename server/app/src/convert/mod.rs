@@ -7,8 +7,7 @@ pub mod view;
 
 use kerf_physics::fault::{Fault, FaultKind};
 use kerf_physics::step_io::Wrench;
-use kerf_physics::tool::{Pose, PoseError};
-use kerf_physics::{Quat, Vec3};
+use kerf_physics::{Pose, PoseError, Quat, Vec3};
 use kerf_proto::v1;
 
 pub fn vec3(v: &Vec3) -> v1::Vec3 {

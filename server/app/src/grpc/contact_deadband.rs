@@ -121,8 +121,8 @@ fn force_n(model: &ContactModel, moved_m: &Vec3) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use kerf_physics::Pose;
     use kerf_physics::step_io::{Give, ToolOutput, Wrench};
-    use kerf_physics::tool::Pose;
 
     use super::*;
 

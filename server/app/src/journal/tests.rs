@@ -8,8 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, Scene, SceneDesc, SoundScene, Vec3};
+use kerf_physics::{OPEN, Pose, Quat, Scene, SceneDesc, SoundScene, Vec3};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::clock::MonotonicClock;
 use kerf_session::stepping::{StepMotion, Steps};

@@ -9,9 +9,8 @@ use kerf_physics::surface::delta::{
     AdaptedVertex, BodyStructure, BoundQuad, BoundVertex, HeldVertex, Keyframe, LatticeElement, LatticeNode,
     TopologyPatch,
 };
-use kerf_physics::tool::Pose;
 use kerf_physics::world::ObjectStats;
-use kerf_physics::{Quat, Scene, SceneDesc, ToolInput, Vec3};
+use kerf_physics::{Pose, Quat, Scene, SceneDesc, ToolInput, Vec3};
 use kerf_proto::v1;
 use kerf_proto::v1::recorded_motion::Motion;
 use kerf_session::{

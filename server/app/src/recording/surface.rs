@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use kerf_physics::Pose;
 use kerf_physics::surface::delta::{BodyStructure, BoundQuad, BoundVertex, Keyframe};
-use kerf_physics::tool::Pose;
 use kerf_proto::foxglove;
 use kerf_proto::foxglove::line_primitive::LineType;
 use kerf_session::ViewState;

@@ -1,8 +1,7 @@
 //! The stroke that a scene is cut with when no script is given.
 
 use anyhow::{Context, Result};
-use kerf_physics::grid::Grid;
-use kerf_physics::{Scene, Vec3};
+use kerf_physics::{Grid, Scene, Vec3};
 
 use super::Script;
 
@@ -30,7 +29,7 @@ pub fn default_stroke(scene: &Scene) -> Result<Script> {
     let objects = &scene.desc.objects;
     let can_be_cut = objects.iter().find(|object| object.material.fracture_energy_j_per_m2.is_some());
     let object = can_be_cut.or(objects.first()).context("the scene has no objects")?;
-    let grid = kerf_physics::grid::voxelize::voxelize(object, &scene.meshes)?;
+    let grid = kerf_physics::voxelize(object, &scene.meshes)?;
     Ok(Script::of_positions(&positions(&grid)))
 }
 

@@ -1,10 +1,8 @@
 //! The surface of a world as it is now, for a file.
 
-use kerf_physics::World;
-use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::grid::{Grid, Link};
 use kerf_physics::scene::{Color, ObjectDesc, SceneDesc};
 use kerf_physics::surface::{Surface, SurfaceVertex, VertexId, triangulate};
+use kerf_physics::{Body, Grid, Link, MaterialPoint, World};
 use kerf_replica::glb::Object;
 use kerf_replica::{Face, Triangle};
 

@@ -9,8 +9,7 @@ use anyhow::{Context, Result, ensure};
 use kerf_physics::energy_terms::{ENERGY_TERMS, EnergyTerm, TermKind};
 use kerf_physics::stage::Stage;
 use kerf_physics::step_io::{EnergyStep, StepOutput};
-use kerf_physics::tool::Pose;
-use kerf_physics::{SceneDesc, Vec3};
+use kerf_physics::{Pose, SceneDesc, Vec3};
 use kerf_script::POSE_COLUMNS;
 
 use crate::convert::script_pose;

@@ -6,9 +6,8 @@
 //! ([`kerf_physics::scene::toughness`]).
 
 use anyhow::Result;
-use kerf_physics::Scene;
-use kerf_physics::grid::voxelize::voxel_size_m;
 use kerf_physics::scene::toughness::asked_over_eh;
+use kerf_physics::{Scene, voxel_size_m};
 
 /// Least stiffening and the largest load at initiation over `E H` up to which the force on the blade was
 /// within 6 % of Gc w: for 3 on blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1 (level 1 gave 1.14 and 1.31 Gc w

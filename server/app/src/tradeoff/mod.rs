@@ -19,8 +19,7 @@ mod sweep;
 
 use anyhow::{Context, Result, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
-use kerf_physics::Scene;
-use kerf_physics::grid::voxelize::voxel_size_m;
+use kerf_physics::{Scene, voxel_size_m};
 use kerf_scenes::dial::{FinerRegions, ParetoFront, Setting};
 
 use crate::progress::say;

@@ -1,8 +1,6 @@
 //! Where runs are compared: material points fixed in the reference configuration.
 
-use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::grid::{Grid, VoxelId};
-use kerf_physics::{Scene, SceneError, Vec3};
+use kerf_physics::{Body, Grid, MaterialPoint, Scene, SceneError, Vec3, VoxelId};
 use serde::{Deserialize, Serialize};
 
 /// A point of an object's reference configuration.
@@ -57,7 +55,7 @@ pub fn along_top(scene: &Scene) -> Result<Vec<Point>, SceneError> {
 
 fn grids(scene: &Scene) -> Result<Vec<Grid>, SceneError> {
     let objects = scene.desc.objects.iter();
-    objects.map(|object| kerf_physics::grid::voxelize::voxelize(object, &scene.meshes)).collect()
+    objects.map(|object| kerf_physics::voxelize(object, &scene.meshes)).collect()
 }
 
 /// Points as they lie in the voxels of a run, which may be larger than those they were chosen in.

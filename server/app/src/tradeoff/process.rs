@@ -4,8 +4,7 @@ use std::io::{Read, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use kerf_physics::grid::{Grid, Link};
-use kerf_physics::{StepInputs, StepOutput, Vec3, Workers, World};
+use kerf_physics::{Grid, Link, StepInputs, StepOutput, Vec3, Workers, World};
 use kerf_scenes::catalog;
 use kerf_session::clock::MonotonicClock;
 use serde::{Deserialize, Serialize};
@@ -202,8 +201,7 @@ impl Tally {
 
 #[cfg(test)]
 mod tests {
-    use kerf_physics::grid::voxelize::voxelize;
-    use kerf_physics::grid::{Crossing, LinkId};
+    use kerf_physics::{Crossing, LinkId, voxelize};
 
     use super::*;
 

@@ -30,7 +30,6 @@ mod topology;
 mod toughness_rate;
 mod turn;
 
-pub use crate::grid::{LEAST_PIECE_VOXELS, MaterialPoint};
 pub use crate::math::Nodal;
 pub use description::Description;
 pub use element::MOST_CONTRAST;

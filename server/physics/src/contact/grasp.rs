@@ -7,7 +7,8 @@
 use super::broad::SpatialHash;
 use super::{Contact, Mode, ToolEnds, narrow};
 use crate::Vec3;
-use crate::body::{Body, MaterialPoint};
+use crate::body::Body;
+use crate::grid::MaterialPoint;
 use crate::math::Aabb;
 use crate::tool::grasper::{Grasper, Jaws};
 use crate::tool::{Pose, ToolPath};

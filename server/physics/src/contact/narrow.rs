@@ -3,7 +3,8 @@
 
 use super::broad::SpatialHash;
 use crate::Vec3;
-use crate::body::{Body, MaterialPoint};
+use crate::body::Body;
+use crate::grid::MaterialPoint;
 
 /// A point within this fraction of an element's edge of its boundary is in it, so that rounding does not put
 /// a point between two elements into neither. Rounding is some 1e-13 of an edge.

@@ -2,9 +2,9 @@
 //! distance in the other's reference configuration.
 
 use super::patch_hash::PlacedPatch;
-use crate::body::{Body, MaterialPoint};
+use crate::body::Body;
 use crate::boundary::SurfacePatch;
-use crate::grid::{Ijk, LinkId, VoxelId};
+use crate::grid::{Ijk, LinkId, MaterialPoint, VoxelId};
 use crate::{Mat3, Vec3};
 
 /// Surfaces that come closer than this many voxels in a step have a spring ready: what the solve itself

@@ -12,9 +12,9 @@ use super::compliance::{EdgeInElement, line_compliance};
 use super::crack::{AT_VOXELS, Crack, OnWay, Way};
 use super::drive::Strained;
 use super::travel::Travel;
-use crate::body::{Body, MaterialPoint};
+use crate::body::Body;
 use crate::contact::{ContactWeights, Mode};
-use crate::grid::{Link, LinkId, VoxelId};
+use crate::grid::{Link, LinkId, MaterialPoint, VoxelId};
 use crate::tool::frame::BladeFrame;
 use crate::{Mat3, Vec3};
 

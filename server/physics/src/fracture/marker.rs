@@ -5,9 +5,10 @@ use super::crack::Crack;
 use super::entry::{grazes, inward, is_on_surface, surface_behind};
 use super::way_in::{WayIn, way_in};
 use crate::Vec3;
-use crate::body::{Body, MaterialPoint};
+use crate::body::Body;
 use crate::contact::broad::SpatialHash;
 use crate::contact::{Mode, narrow};
+use crate::grid::MaterialPoint;
 use crate::tool::frame::BladeFrame;
 use serde::{Deserialize, Serialize};
 

@@ -1,9 +1,10 @@
 //! Where a segment of an edge comes into the tissue on its way from one pose to the next.
 
 use crate::Vec3;
-use crate::body::{Body, MaterialPoint};
+use crate::body::Body;
 use crate::contact::broad::SpatialHash;
 use crate::contact::narrow;
+use crate::grid::MaterialPoint;
 
 /// Voxels between the points of the way that are looked at: a sheet of one voxel is not jumped, which twice of it
 /// may. Half costs twice the looks. Strokes into thick tissue do not change by a bit.

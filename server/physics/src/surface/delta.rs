@@ -16,7 +16,7 @@ pub struct BoundVertex {
     /// Trilinear coordinates in the element, 0..=1 inside it; corner `c` of the element has
     /// coordinates `(c & 1, c >> 1 & 1, c >> 2)`.
     pub local: [f32; 3],
-    /// Index into the object's material list, as [`crate::grid::Voxel::material`].
+    /// Index into the object's material list, as [`crate::Voxel::material`].
     pub material: u16,
 }
 

@@ -2,8 +2,7 @@
 
 use super::BodySlot;
 use crate::Vec3;
-use crate::body::MaterialPoint;
-use crate::grid::Grid;
+use crate::grid::{Grid, MaterialPoint};
 use crate::math::Aabb;
 use crate::params::StepParams;
 use crate::scene::wording::brief;

@@ -1,8 +1,7 @@
 //! What lies beneath an object's surface: its voxels, the links between them, and the energy they hold.
 
 use super::World;
-use crate::body::MaterialPoint;
-use crate::grid::{Link, LinkId, VoxelId};
+use crate::grid::{Link, LinkId, MaterialPoint, VoxelId};
 
 /// The inside of one object after a step. Voxels are told by their place in `voxel_positions_m`.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,16 +3,14 @@
 use super::super::support::world_beyond_limits;
 use std::f64::consts::PI;
 
-use kerf_physics::StepParams;
-use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::contact::ends::point_springs;
 use kerf_physics::contact::{Contact, ContactWeights, Mode, ToolEnds};
 use kerf_physics::scene::{
     BladeDesc, ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ToolDesc,
 };
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::verification::StepParams;
+use kerf_physics::{Body, MaterialPoint, NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 /// Side of the block along x and z, m.
 pub const SIDE_M: f64 = 0.04;

@@ -7,8 +7,7 @@ use kerf_physics::scene::{
     BladeDesc, CapsuleDesc, Face, GrasperDesc, LoadDesc, RegionDesc, Scene, ScissorsDesc, ShapeDesc, ToolDesc,
 };
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const SIDE_M: f64 = 0.03;
 const HEIGHT_M: f64 = 0.025;

@@ -2,11 +2,9 @@
 
 use super::world_of;
 use super::{object, scene};
-use kerf_physics::body::Body;
 use kerf_physics::scene::{BladeDesc, ObjectDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, SolveReport, ToolMotion};
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Body, NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 pub const BLOCK_SIDE_M: f64 = 0.04;
 pub const BLOCK_HEIGHT_M: f64 = 0.03;
@@ -197,7 +195,7 @@ impl Rig {
 
 /// Sizes, in voxels, of the connected pieces among the voxels that `keep` accepts by their centre.
 pub fn pieces(body: &Body, keep: impl Fn(Vec3) -> bool) -> Vec<usize> {
-    use kerf_physics::grid::Grid;
+    use kerf_physics::Grid;
     let grid = &body.state.grid;
     let kept: Vec<bool> = grid.voxels().iter().map(|v| keep(grid.centre_m(v.ijk))).collect();
     let mut seen = vec![false; kept.len()];

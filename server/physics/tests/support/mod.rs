@@ -6,14 +6,11 @@ pub mod cutting;
 pub mod press;
 pub mod swept;
 
-use kerf_physics::StepParams;
-use kerf_physics::body::{Body, MaterialPoint, State};
-use kerf_physics::grid::VoxelId;
 use kerf_physics::scene::{
     ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ViscosityDesc,
 };
-use kerf_physics::verification::unjudged;
-use kerf_physics::{StateHasher, StepInputs, Vec3, Workers, World};
+use kerf_physics::verification::{State, StepParams, unjudged};
+use kerf_physics::{Body, MaterialPoint, StateHasher, StepInputs, Vec3, VoxelId, Workers, World};
 
 /// Knuth's linear congruential generator: test inputs that a seed reproduces.
 pub struct Lcg(pub u64);

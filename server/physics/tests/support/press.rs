@@ -3,8 +3,7 @@
 use super::world_of;
 use kerf_physics::scene::{BladeDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Pose, Quat, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
 
 /// A block of 80 x 40 x 40 mm, held at its foot, 256 composite elements, under a blade that reaches
 /// over it. It gives before it is pressed in by an element.

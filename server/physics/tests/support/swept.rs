@@ -1,7 +1,6 @@
 //! What an edge sweeps, to compare with the links that parted.
 
-use kerf_physics::Vec3;
-use kerf_physics::grid::{Grid, Link};
+use kerf_physics::{Grid, Link, Vec3};
 
 /// What an edge sweeps along the tool's y axis, seen along it: x and z of its points, ascending in x.
 pub struct Swept(pub Vec<Vec3>);

@@ -1,8 +1,7 @@
 //! Tests of steps that calls ask for, in virtual time.
 
 use kerf_physics::scene::GovernorDesc;
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, SceneDesc, Vec3};
+use kerf_physics::{OPEN, Pose, Quat, SceneDesc, Vec3};
 use tokio::sync::oneshot;
 
 use super::virtual_session::{MS, S, VirtualSession};

@@ -4,8 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, Scene, SceneDesc, SoundScene, StageClock, Vec3, Workers};
+use kerf_physics::{OPEN, Pose, Quat, Scene, SceneDesc, SoundScene, StageClock, Vec3, Workers};
 use kerf_scenes::cost::Cost;
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{oneshot, watch};

@@ -3,8 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use kerf_physics::scene::{BladeDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, ToolMotion};
-use kerf_physics::tool::Pose;
-use kerf_physics::{Mat3, NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Mat3, NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 /// Tolerance of the velocity solves: energies at rest are differed.
 const RELATIVE_TOLERANCE: f64 = 1e-4;

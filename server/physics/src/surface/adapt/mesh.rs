@@ -1,7 +1,6 @@
 //! The surface as a mesh to walk on: which triangles meet at a vertex, which vertices move with an element.
 
-use crate::body::MaterialPoint;
-use crate::grid::VoxelId;
+use crate::grid::{MaterialPoint, VoxelId};
 use crate::surface::delta::BodyStructure;
 use crate::surface::{QUADS_PER_CELL, QuadId, Surface, SurfaceVertex, VERTICES_PER_CELL, VertexId, triangulate};
 
