@@ -6,6 +6,8 @@ use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, RegionDesc, 
 use kerf_physics::verification::StepParams;
 use kerf_physics::{Body, Crossing, LinkId, MaterialPoint, NoClock, StepInputs, Vec3, Workers, World};
 
+use std::f64::consts::PI;
+
 const YOUNG_PA: f64 = 1e6;
 const THICKNESS_M: f64 = 0.02;
 /// Level and voxel size: elements of 5 and of 10 mm.
@@ -80,6 +82,25 @@ fn cantilever(level: u8, h: f64, arm_m: f64, traction_pa: f64) -> Specimen {
 fn cantilever_theory(arm_m: f64, traction_pa: f64) -> f64 {
     let force_n = traction_pa * arm_m * THICKNESS_M;
     12.0 * (force_n * (CRACK_M + 0.6728 * arm_m)).powi(2) / (YOUNG_PA * THICKNESS_M.powi(2) * arm_m.powi(3))
+}
+
+const BAR_M: f64 = 0.16;
+
+/// A bar that is drawn apart, cracked from both sides up to a ligament of so many voxels within one element.
+fn facing_cracks(h: f64, voxels: u32, traction_pa: f64) -> Specimen {
+    let mut desc = object([0.0; 3], [BAR_M, 0.1, THICKNESS_M], h, 2);
+    desc.material.poisson_ratio = 0.0;
+    desc.fixed = vec![bounds([-1.0; 3], [1.0, 0.01, 1.0])];
+    let region = bounds([-1.0; 3], [1.0; 3]);
+    desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxY, traction_pa: [0.0, traction_pa, 0.0] }];
+    let first_m = 0.5 * BAR_M + h;
+    let cracks_m = vec![[0.0, first_m], [first_m + h * f64::from(voxels), BAR_M]];
+    Specimen { desc, cracks_m, height_m: 0.055, tip_m: first_m }
+}
+
+/// `2 P^2 / (pi E b)` of a ligament of width b between two deep cracks, P per thickness (Tada, Paris and Irwin 2000).
+fn facing_cracks_theory(width_m: f64, traction_pa: f64) -> f64 {
+    2.0 * (traction_pa * BAR_M).powi(2) / (PI * YOUNG_PA * width_m)
 }
 
 /// At rest under its loads.
@@ -222,6 +243,21 @@ fn hold_tearing_loads(meshes: &[(u8, f64)]) {
                 println!("{name}, k {}, Gc = {share} G: {parted} links parted", 1 << level);
                 assert_eq!(parted > 0, tears, "{name}, level {level}, Gc {share} of the theory's G: {parted} parted");
             }
+        }
+    }
+}
+
+#[test]
+fn what_facing_cracks_leave_of_an_element_tears_at_1_2_to_1_6_of_the_load_that_theory_gives() {
+    let (h, traction_pa) = (2.5e-3, 1e-3 * YOUNG_PA);
+    for voxels in [1, 2] {
+        let specimen = facing_cracks(h, voxels, traction_pa);
+        let still = still(&specimen);
+        let theory = facing_cracks_theory(h * f64::from(voxels), traction_pa);
+        for (load, tears) in [(1.2, false), (1.6, true)] {
+            let parted = torn(&specimen, &still, theory / (load * load));
+            println!("{voxels} voxels, {load} of the theory's load: {parted} links parted");
+            assert_eq!(parted, if tears { voxels * 8 } else { 0 }, "{voxels} voxels, {load} of the load");
         }
     }
 }

@@ -98,7 +98,7 @@ impl Body {
     }
 
     /// `V sigma` of an element, in the frame that turns with it, J.
-    pub(super) fn element_stress_j(&self, element: usize) -> Mat3 {
+    pub(crate) fn element_stress_j(&self, element: usize) -> Mat3 {
         let Corners { position_m, force_n, rotation, edge_m, .. } = self.corners(element);
         // The forces add up to zero, or with those on the ground points about the lower corner of the cell.
         let [low_m, ..] = self.cell_corners_m(element);

@@ -20,6 +20,7 @@ mod crack;
 mod drive;
 mod entry;
 mod front;
+mod ligament;
 mod link_energy;
 mod marker;
 pub mod release;

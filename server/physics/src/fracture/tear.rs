@@ -4,12 +4,14 @@
 //! station. A step takes the energy release rate at each station whose surroundings have changed enough for it to
 //! tear. Where it exceeds Gc the cut goes on in its plane by the edge of an element. It runs no faster than Rayleigh
 //! waves, which carry the news of what has opened: a crack that tension opens does not overtake them (Freund 1990).
+//! Ends that face each other, or are of several cuts, leave a ligament between them ([`super::ligament`]).
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::anchor::fracture_energy;
 use super::crack::{Crack, Way};
+use super::ligament;
 use super::release::{Tip, held_around_j, released};
 use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
@@ -23,6 +25,15 @@ const LEAST_HELD: f64 = 0.25;
 /// How many times faster than the energy around it, both relative, a station's release rate is thought to change.
 /// Ours: as it rises with the square of the load 1 would do, but for what a blade close by adds.
 const RELEASE_PER_HELD: f64 = 4.0;
+/// Length of the mean of the normals of ends of one cut, at least. Ours: of two cuts at right angles it is 0.71 where each has
+/// half of the ends, of one whose edge turns by 90 degrees within an element 0.9.
+const ONE_CUT: f64 = 0.8;
+/// The same of the directions from ends to what holds ahead of one front. Ours: of a front at 45 degrees to the lattice it
+/// is 0.71, of ends that face each other 0.
+const ONE_FRONT: f64 = 0.5;
+/// Links by which a cut may rise to the column beside and still be crossed there by the next link of the same direction.
+/// Ours: where it is steeper, links across find its ends.
+const STEEPEST: f64 = 2.0;
 /// Least relative change of the energy around a station for which it is looked at again.
 const LEAST_CHANGE: f64 = 5e-3;
 
@@ -44,10 +55,14 @@ struct End {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Station {
     ends: Vec<End>,
-    /// The ends as one piece of front; absent where they face each other.
+    /// The least toughness ahead of them; infinite where nothing can be cut.
+    gc_j_per_m2: f64,
+    /// The ends as one piece of front; absent where they face each other or are of several cuts.
     place: Option<Place>,
     /// What was found when it was looked at; absent where it was not since its ends changed.
     seen: Option<Seen>,
+    /// Whether a ligament between its ends has torn since they changed.
+    ligament_torn: bool,
 }
 
 /// What was found at a station.
@@ -124,7 +139,7 @@ impl Tearing {
         self.torn.clear();
         for cell in changed {
             if let Some(station) = self.stations.get_mut(&cell) {
-                (station.place, station.seen) = (Place::new(body, &station.ends), None);
+                *station = Station::new(body, std::mem::take(&mut station.ends));
             }
         }
         self.stations.retain(|_, station| !station.ends.is_empty());
@@ -141,8 +156,8 @@ impl Tearing {
         due.clear();
         due.extend(self.stations.iter().filter_map(|(cell, station)| station.is_due(body, now_s).then_some(*cell)));
         for cell in &due {
-            let Some(place) = self.stations[cell].place else { continue };
-            let drive = released(body, &place.tip).j_per_m / (place.gc_j_per_m2 * self.length_m(body, &place.tip));
+            let Station { place: Some(place), gc_j_per_m2, .. } = self.stations[cell] else { continue };
+            let drive = released(body, &place.tip).j_per_m / (gc_j_per_m2 * self.length_m(body, &place.tip));
             let seen = Seen { held_j: held_around_j(body, &place.tip), drive };
             if let Some(station) = self.stations.get_mut(cell) {
                 station.seen = Some(seen);
@@ -152,18 +167,35 @@ impl Tearing {
                 part_quad(body, place.strip(), links);
                 let cut_m2 = crack.tear(body, &place.way(), place.reach_m, place.tip.element_edge_m);
                 cut_already.area_m2 += cut_m2;
-                cut_already.fracture_j += place.gc_j_per_m2 * cut_m2;
+                cut_already.fracture_j += gc_j_per_m2 * cut_m2;
                 let reached_s = place.may_go_on_s().max(now_s - body.dt_s());
                 self.torn.extend(links[own..].iter().map(|link| (link.0, reached_s)));
             }
         }
-        self.torn.sort_unstable_by_key(|torn| torn.0);
         let looks = due.len() as u32;
         self.due = due;
+        self.tear_ligaments(body, links);
+        self.torn.sort_unstable_by_key(|torn| torn.0);
         let mut cost = PartingCost::of(body, &mut links[first..]);
         cost.area_m2 -= cut_already.area_m2;
         cost.fracture_j -= cut_already.fracture_j;
         Torn { cost, looks }
+    }
+
+    /// Adds the links of ligaments that tear. Links that are spared then stay until the ends around them change.
+    fn tear_ligaments(&mut self, body: &Body, links: &mut Vec<(LinkId, Crossing)>) {
+        let now_s = self.now_s(body);
+        let is_ligament = |station: &Station| station.place.is_none() && !station.ligament_torn;
+        for (cell, station) in self.stations.iter_mut().filter(|(_, station)| is_ligament(station)) {
+            let own = links.len();
+            for element in body.base().elements_in(*cell).map(|element| element as usize) {
+                if ligament::may_tear(body, element, station.gc_j_per_m2) {
+                    ligament::tear(body, element, links);
+                }
+            }
+            station.ligament_torn = links.len() > own;
+            self.torn.extend(links[own..].iter().map(|link| (link.0, now_s)));
+        }
     }
 
     fn now_s(&self, body: &Body) -> f64 {
@@ -177,12 +209,18 @@ impl Tearing {
 }
 
 impl Station {
+    fn new(body: &Body, ends: Vec<End>) -> Self {
+        let gc_j_per_m2 = ends.iter().map(|end| fracture_energy(body, end.ahead)).fold(f64::INFINITY, f64::min);
+        let place = if gc_j_per_m2.is_finite() { Place::new(body, &ends) } else { None };
+        Self { ends, gc_j_per_m2, place, ..Self::default() }
+    }
+
     /// Whether a look may find that it tears: the news of its opening have come as far as it would tear, and what is
     /// around it holds so much energy, and so much more or less than when it was looked at, that it may.
     fn is_due(&self, body: &Body, now_s: f64) -> bool {
         let Some(place) = self.place.as_ref().filter(|place| place.may_go_on_s() <= now_s) else { return false };
         let held_j = held_around_j(body, &place.tip);
-        if held_j < LEAST_HELD * place.gc_j_per_m2 * place.tip.element_edge_m.powi(2) {
+        if held_j < LEAST_HELD * self.gc_j_per_m2 * place.tip.element_edge_m.powi(2) {
             return false;
         }
         self.seen.is_none_or(|seen| {
@@ -203,8 +241,12 @@ fn ends_at(grid: &Grid, link: LinkId, crossing: &Crossing, since_s: f64) -> impl
     };
     let shifts = [(axis + 1) % 3, (axis + 2) % 3].into_iter().flat_map(|other| [(other, -1), (other, 1)]);
     shifts.filter_map(move |(other, step)| {
+        let slope = normal[other] / normal[axis];
+        if slope.abs() > STEEPEST {
+            return None;
+        }
         // How high the plane crosses the column beside, in links.
-        let height = f64::from(crossing.t) - normal[other] / normal[axis] * f64::from(step);
+        let height = f64::from(crossing.t) - slope * f64::from(step);
         let mut ahead = link;
         ahead.cell[other] += step;
         ahead.cell[axis] += height.floor() as i32;
@@ -237,22 +279,19 @@ struct Place {
     since_s: f64,
     /// Speed of Rayleigh waves, m/s.
     wave_m_per_s: f64,
-    /// The least toughness ahead; finite.
-    gc_j_per_m2: f64,
 }
 
 impl Place {
-    /// `None` where the ends face each other, or nothing ahead can be cut.
+    /// `None` where the ends face each other or are of several cuts.
     fn new(body: &Body, ends: &[End]) -> Option<Self> {
         let h = body.state.grid.voxel_size_m();
-        let gc = ends.iter().map(|end| fracture_energy(body, end.ahead)).fold(f64::INFINITY, f64::min);
-        let gc_j_per_m2 = gc.is_finite().then_some(gc)?;
         let weight = 1.0 / ends.len() as f64;
         let middle_m = ends.iter().map(|e| (e.at_m + e.toward * (0.5 * h)) * weight).sum::<Vec3>();
         let first = ends.first()?.normal;
-        let normal = ends.iter().map(|e| e.normal * e.normal.dot(&first).signum()).sum::<Vec3>().normalize();
+        let normals = ends.iter().map(|e| e.normal * e.normal.dot(&first).signum()).sum::<Vec3>();
+        let normal = normals.try_normalize(ONE_CUT * ends.len() as f64)?;
         let toward = ends.iter().map(|e| e.toward).sum::<Vec3>();
-        let ahead = (toward - normal * toward.dot(&normal)).try_normalize(0.5)?;
+        let ahead = (toward - normal * toward.dot(&normal)).try_normalize(ONE_FRONT * ends.len() as f64)?;
         let along = ahead.cross(&normal);
         let along_m = ends.iter().map(|e| (e.at_m - middle_m).dot(&along));
         let (low, high) = along_m.fold((0.0f64, 0.0f64), |(low, high), s| (low.min(s), high.max(s)));
@@ -264,7 +303,6 @@ impl Place {
             reach_m: [low - 0.5 * h, high + 0.5 * h],
             since_s: ends.iter().map(|e| e.since_s).fold(0.0, f64::max),
             wave_m_per_s: elastic.rayleigh_wave_m_per_s(),
-            gc_j_per_m2,
         })
     }
 
@@ -283,5 +321,42 @@ impl Place {
         let Tip { position_m, ahead, along, element_edge_m } = self.tip;
         let [low, high] = self.reach_m.map(|s| position_m + along * s);
         [low, high, high + ahead * element_edge_m, low + ahead * element_edge_m]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::workers::Workers;
+
+    #[test]
+    fn a_cut_ends_beside_the_links_that_it_parts() {
+        let mut body = Body::of_text(
+            r#"
+            version = 1
+            name = "block"
+            [[objects]]
+            name = "block"
+            shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.24, 0.24, 0.08] } }
+            voxel_size_m = 0.01
+            level = 2
+            material = { young_modulus_pa = 1e5, poisson_ratio = 0.3, fracture_energy_j_per_m2 = 10.0 }
+            "#,
+        );
+        // Upright but for 2 in 24 voxels, halfway down.
+        let corner = |y: f64, z: f64| Vec3::new(0.1133 + (0.24 - y) / 12.0, y, z);
+        let mut links = Vec::new();
+        part_quad(&body, [corner(0.3, -1.0), corner(0.3, 1.0), corner(0.1, 1.0), corner(0.1, -1.0)], &mut links);
+        let parted = body.part_links(&links).parted;
+        body.update_topology(&Workers::serial(), &parted);
+        let tearing = Tearing::of(&body);
+        let grid = &body.state.grid;
+        let ends: Vec<&End> = tearing.stations.values().flat_map(|station| &station.ends).collect();
+        assert!(ends.len() >= 8, "one below each column of its end: {}", ends.len());
+        for end in ends {
+            let ahead_m = (grid.centre_m(end.ahead.cell) + grid.centre_m(end.ahead.upper())) * 0.5;
+            let away = (ahead_m - end.at_m).norm() / grid.voxel_size_m();
+            assert!(away < 3.0, "{away} voxels from {:?} to {:?}", end.at_m, end.ahead);
+        }
     }
 }
