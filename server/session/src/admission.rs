@@ -165,6 +165,27 @@ impl Load {
         Ok(())
     }
 
+    /// Share of a core that the session's steps may keep busy beside those of the others: what these leave of what sessions
+    /// may take together, or as much as each of them that wants more (max-min fairness). No limit to a session that is alone.
+    pub fn fair_share(&self) -> f64 {
+        let taken = lock(&self.admission.taken);
+        let others = taken.loads.iter().filter_map(Weak::upgrade).filter(|load| !std::ptr::eq(&**load, self));
+        let mut others: Vec<f64> = others.map(|load| load.peak()).collect();
+        others.sort_unstable_by(f64::total_cmp);
+        if others.is_empty() {
+            return f64::INFINITY;
+        }
+        let (mut left, mut sessions) = (self.admission.max_load, others.len() + 1);
+        for load in others {
+            let even = left / sessions as f64;
+            if load >= even {
+                return even;
+            }
+            (left, sessions) = (left - load, sessions - 1);
+        }
+        left
+    }
+
     /// What was measured of late: the time of steps over the time they had.
     pub fn measured(&self) -> f64 {
         f64::from_bits(self.measured.load(Ordering::Relaxed))
@@ -173,8 +194,12 @@ impl Load {
     /// The load of another second of simulated time.
     pub fn set_measured(&self, load: f64) {
         self.measured.store(load.to_bits(), Ordering::Relaxed);
-        let faded = KEPT_SHARE * f64::from_bits(self.peak.load(Ordering::Relaxed));
+        let faded = KEPT_SHARE * self.peak();
         self.peak.store(faded.max(load).to_bits(), Ordering::Relaxed);
+    }
+
+    fn peak(&self) -> f64 {
+        f64::from_bits(self.peak.load(Ordering::Relaxed))
     }
 
     /// A session at rest costs nothing, until somebody touches its tissue: it counts with what it was told to cost.
@@ -182,7 +207,7 @@ impl Load {
         if !self.runs.load(Ordering::Relaxed) {
             return 0.0;
         }
-        self.told.max(f64::from_bits(self.peak.load(Ordering::Relaxed))).min(self.most)
+        self.told.max(self.peak()).min(self.most)
     }
 }
 
@@ -256,6 +281,26 @@ mod tests {
         assert!((1.5..1.6).contains(&taken), "{taken}");
         (0..30).for_each(|_| first.load.set_measured(0.1));
         assert!(admission.admit(&COST, 1000.0, false).is_ok(), "it has rested for long");
+    }
+
+    #[test]
+    fn a_session_may_take_what_the_others_leave_or_as_much_as_those_that_want_more() {
+        let admission = Admission::new(1000.0, 2.0, 10.0, 1);
+        let cost = Cost { step_s: 1e-5, ..COST };
+        let first = admission.admit(&cost, 1000.0, false).unwrap();
+        let shares = |measured: [f64; 4]| {
+            let other = Admission::new(1000.0, 2.0, 10.0, 1);
+            let sessions: Vec<_> = measured.iter().map(|_| other.admit(&cost, 1000.0, false).unwrap()).collect();
+            sessions.iter().zip(measured).for_each(|(session, load)| session.load.set_measured(load));
+            sessions.iter().map(|session| (session.load.fair_share() * 100.0).round() / 100.0).collect::<Vec<_>>()
+        };
+        assert_eq!(shares([0.0; 4]), [2.0; 4]);
+        assert_eq!(shares([0.9; 4]), [0.5; 4], "all want more");
+        // Those that take less leave the rest to the others.
+        assert_eq!(shares([0.1, 0.1, 0.9, 0.9]), [0.63, 0.63, 0.9, 0.9]);
+        assert_eq!(shares([0.1, 0.1, 0.1, 0.9])[3], 1.7);
+        drop(first);
+        assert_eq!(admission.admit(&cost, 1000.0, false).unwrap().load.fair_share(), f64::INFINITY);
     }
 
     #[test]

@@ -36,6 +36,8 @@ const TELLING: f64 = 2.0;
 pub(crate) struct Governor {
     relative_tolerance: f64,
     period_ns: f64,
+    /// Share of the period that a step's work may take.
+    share: f64,
     /// Nanoseconds per unit of the last steps, a ring.
     unit_ns: Vec<f64>,
     /// Samples that the ring has taken.
@@ -53,6 +55,7 @@ impl Governor {
         Self {
             relative_tolerance: desc.relative_tolerance(),
             period_ns: 1e9 / desc.rate_hz,
+            share: SHARE_OF_PERIOD,
             unit_ns: Vec::with_capacity(SAMPLES),
             samples: 0,
             settled_unit_ns: None,
@@ -61,10 +64,17 @@ impl Governor {
         }
     }
 
+    /// Takes the share of a core that the session has beside others: steps that need more than is there would make those of
+    /// all late.
+    pub fn take_share(&mut self, of_core: f64) {
+        self.share = SHARE_OF_PERIOD.min(of_core);
+    }
+
     /// Work that a step may do which begins so long after it was due: what fits into the time that it has. `None` while too
     /// few have been taken to tell.
     pub fn work_units(&self, behind_ns: u64) -> Option<u64> {
-        let share = (SHARE_OF_PERIOD - behind_ns as f64 / self.period_ns).max(LEAST_SHARE_OF_PERIOD);
+        let left = (self.share - behind_ns as f64 / self.period_ns).max(LEAST_SHARE_OF_PERIOD);
+        let share = left.min(self.share);
         self.settled_unit_ns.map(|unit_ns| rung(share * self.period_ns / unit_ns))
     }
 
@@ -181,6 +191,19 @@ mod tests {
         let is = |behind_ns, share: f64| (of(behind_ns) * SHARE_OF_PERIOD / share - 1.0).abs() < 0.125;
         assert!(is(MS / 4, SHARE_OF_PERIOD - 0.25), "{}", of(MS / 4));
         assert!(is(10 * MS, LEAST_SHARE_OF_PERIOD), "{}", of(10 * MS));
+    }
+
+    #[test]
+    fn a_session_among_many_has_its_share_of_a_core() {
+        let mut governor = governor();
+        let whole = settled(&mut governor, 40);
+        let mut of = |of_core, behind_ns| {
+            governor.take_share(of_core);
+            governor.work_units(behind_ns).unwrap() as f64 / whole as f64
+        };
+        assert_eq!(of(f64::INFINITY, 0), 1.0);
+        assert!((of(0.1, 0) * SHARE_OF_PERIOD / 0.1 - 1.0).abs() < 0.125);
+        assert_eq!(of(0.1, 10 * MS), of(0.1, 0), "no less where it begins late");
     }
 
     #[test]
