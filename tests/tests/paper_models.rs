@@ -22,7 +22,7 @@ fn horse_armadillo_and_bunny_have_the_papers_voxels_and_can_be_cut() {
 
 /// Links parted by a blade that goes down half of the body from its top, and the area it swept, m^2.
 fn stroke(world: &mut World) -> (u32, f64) {
-    let grid: &Grid = &world.bodies()[0].state.grid;
+    let grid: &Grid = world.bodies()[0].grid();
     let extent_m = Vec3::from(grid.dims().map(f64::from)) * grid.voxel_size_m();
     let top_m = grid.origin_m() + extent_m.component_mul(&Vec3::new(0.5, 1.0, 0.5));
     let (mut parted, mut area_m2) = (0, 0.0);

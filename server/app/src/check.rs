@@ -31,7 +31,7 @@ pub fn run(args: &SceneArgs) -> Result<()> {
 fn sizes(scene: &Scene, world: &World) -> Vec<String> {
     let mut lines = Vec::new();
     for (object, body) in scene.desc.objects.iter().zip(world.bodies()) {
-        let grid = &body.state.grid;
+        let grid = body.grid();
         let [nx, ny, nz] = grid.dims();
         lines.push(format!(
             "object {}: {} voxels of {:.3} mm in {nx} x {ny} x {nz}, level {}: H = {:.2} mm",

@@ -37,7 +37,7 @@ fn the_lesion_comes_off_in_one_piece_with_no_cut_in_it() {
     }
     let output = world.output().clone();
     let body = world.bodies()[0];
-    let grid = &body.state.grid;
+    let grid = body.grid();
     let lesion = region_voxels(grid, &scene.desc.objects[0].regions[0].shape, &scene.meshes).unwrap();
     let removed = piece(grid, lesion[0], |_| true);
     let inside: BTreeSet<VoxelId> = lesion.iter().copied().collect();

@@ -27,7 +27,7 @@ fn the_scalpel_goes_round_a_disc_of_skin_that_hangs_on_the_fat_alone_then() {
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&tools));
         assert!(output.fault.is_none(), "{:?}", output.fault);
     }
-    let grid = &world.bodies()[0].state.grid;
+    let grid = world.bodies()[0].grid();
     let centre_m = |voxel: VoxelId| grid.centre_m(grid.voxels()[voxel.index()].ijk);
     let is_skin = |voxel: VoxelId| centre_m(voxel).y > FAT_BELOW_M;
     let off_axis_m = |voxel: VoxelId| centre_m(voxel).x.hypot(centre_m(voxel).z);

@@ -144,6 +144,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+// A type that others meet in a signature has a page.
+#![deny(unnameable_types)]
+
 mod body;
 mod boundary;
 mod contact;
@@ -165,22 +168,16 @@ pub mod step_io;
 pub mod surface;
 mod tool;
 mod validate;
+#[doc(hidden)]
+pub mod verification;
 pub mod view;
 mod walk;
 mod work;
 mod workers;
 pub mod world;
 
-/// What verification needs, and nothing else may use.
-#[doc(hidden)]
-pub mod verification {
-    pub use crate::body::State;
-    pub use crate::math::Nodal;
-    pub use crate::params::StepParams;
-    pub use crate::validate::unjudged;
-}
-
 pub use body::{Body, MOST_CONTRAST};
+pub use grid::lattice::Bounds;
 pub use grid::missed::{Missed, MissedPart};
 pub use grid::thickness::Thickness;
 pub use grid::voxelize::{Measures, measures, region_voxels, voxel_size_m, voxelize, wanted_levels};

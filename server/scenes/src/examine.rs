@@ -38,7 +38,7 @@ pub fn examine(scene: &SoundScene, tell: &mut dyn FnMut(Making)) -> Result<Exami
 pub fn warnings(scene: &Scene, world: &World) -> Vec<SceneError> {
     let mut warnings = Vec::new();
     let bodies = world.bodies();
-    let grids: Vec<&Grid> = bodies.iter().map(|body| &body.state.grid).collect();
+    let grids: Vec<&Grid> = bodies.iter().map(|body| body.grid()).collect();
     for (index, object) in scene.desc.objects.iter().enumerate() {
         let mut remarks = Remarks { scene, object, grid: grids[index], field: format!("objects[{index}]"), warnings };
         remarks.meshes();

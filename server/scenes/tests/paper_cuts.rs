@@ -45,7 +45,7 @@ fn the_cuboids_are_cut_along_the_edges_of_their_blades() {
         let start_m = Vec3::new(0.0, 0.07 + CLEARANCE_M, 4e-4);
         let mut rig = Rig::new(&scene, start_m, Quat::identity(), 0.1);
         rig.drive(0.02);
-        let found: Vec<Vec3> = crossings(&rig.body().state.grid).iter().map(|at| at - start_m).collect();
+        let found: Vec<Vec3> = crossings(rig.body().grid()).iter().map(|at| at - start_m).collect();
         let off = found.iter().map(|at| swept.distance_m(at).abs()).fold(0.0, f64::max);
         // The other way: from what was swept, down to a dent of 4 Gc/E and a voxel above the edge, to the
         // nearest crossing.

@@ -145,7 +145,7 @@ pub fn dice(scene: &SoundScene, seed: u64, plunges: u32) -> Result<Tally> {
     let mut world = World::new(&scene)?;
     let stats = world.object_stats()[0];
     let bounds_m = [stats.rest_min_m.into(), stats.rest_max_m.into()];
-    let margin_m = 2.0 * world.bodies()[0].state.grid.voxel_size_m();
+    let margin_m = 2.0 * world.bodies()[0].grid().voxel_size_m();
     let mut sums = Sums::default();
     let outcome = catch_unwind(AssertUnwindSafe(|| {
         for index in 0..plunges {

@@ -1,7 +1,7 @@
 //! Random cuts by the hundred thousand, without a blade: links are parted one by one, in discs, or all
 //! of them, while the body moves.
 
-use kerf_physics::{Body, Crossing, Grid, LEAST_PIECE_VOXELS, LinkId, Vec3, Workers};
+use kerf_physics::{Body, Crossing, Grid, LEAST_PIECE_VOXELS, LinkId, Vec3, verification};
 
 use super::materials::parameters;
 use super::scenes::{Specimen, SplitMix64};
@@ -32,11 +32,9 @@ fn case(name: &str, specimen: Specimen, seed: u64, [steps, per_step]: [usize; 2]
         let mass_kg = trial.world.bodies()[0].mass_kg();
         let mut parted_links = 0;
         for _ in 0..steps {
-            let body = trial.world.body_mut(0);
-            let links: Links = (0..per_step).flat_map(|_| cut(&body.state.grid, &mut rng)).collect();
-            let parted = body.part_links(&links).parted;
-            body.update_topology(&Workers::serial(), &parted);
-            parted_links += parted.len();
+            let body = verification::body_mut(&mut trial.world, 0);
+            let links: Links = (0..per_step).flat_map(|_| cut(body.grid(), &mut rng)).collect();
+            parted_links += verification::part(body, &links);
             trial.step(&[]);
         }
         trial.let_go(specimen.period_s(), 1.0, 100, Return::Anywhere);
@@ -89,10 +87,10 @@ fn disc(grid: &Grid, rng: &mut SplitMix64) -> Links {
 /// other cells, pieces below the least.
 pub(crate) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
     let mut wrong = Vec::new();
-    let base = body.base();
+    let base = verification::base(body);
     let mut filled = vec![0usize; base.elements.len()];
     let mut astray = 0;
-    for (voxel, &owner) in body.state.grid.voxels().iter().zip(&base.owner) {
+    for (voxel, &owner) in body.grid().voxels().iter().zip(&base.owner) {
         filled[owner as usize] += 1;
         let element = &base.elements[owner as usize];
         let inside = |a: usize| (0..element.size).contains(&((voxel.ijk[a] >> base.exponent) - element.cell[a]));
@@ -109,9 +107,34 @@ pub(crate) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
     if total != voxels || unknown > 0 {
         wrong.push(format!("{total} voxels of {voxels}, {unknown} unknown nodes"));
     }
-    let small: usize = body.state.grid.piece_sizes().into_iter().take_while(|size| *size < LEAST_PIECE_VOXELS).sum();
+    let small: usize = piece_sizes(body.grid()).into_iter().take_while(|size| *size < LEAST_PIECE_VOXELS).sum();
     if small > 0 && voxels >= LEAST_PIECE_VOXELS {
         wrong.push(format!("{small} voxels in pieces of fewer than {LEAST_PIECE_VOXELS}"));
     }
     wrong
+}
+
+/// Numbers of voxels of the pieces that intact links hold together, ascending.
+pub(crate) fn piece_sizes(grid: &Grid) -> Vec<usize> {
+    let mut seen = vec![false; grid.voxels().len()];
+    let (mut sizes, mut open) = (Vec::new(), Vec::new());
+    for start in 0..seen.len() {
+        if std::mem::replace(&mut seen[start], true) {
+            continue;
+        }
+        open.push(start);
+        let mut size = 0;
+        while let Some(voxel) = open.pop() {
+            size += 1;
+            for (link, other) in Grid::links_of(grid.voxels()[voxel].ijk) {
+                let Some(next) = grid.voxel_at(other).filter(|_| grid.is_intact(link)) else { continue };
+                if !std::mem::replace(&mut seen[next.index()], true) {
+                    open.push(next.index());
+                }
+            }
+        }
+        sizes.push(size);
+    }
+    sizes.sort_unstable();
+    sizes
 }

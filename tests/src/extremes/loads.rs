@@ -2,7 +2,7 @@
 //! left of the body when they are taken away.
 
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc};
-use kerf_physics::{SceneProblems, Vec3};
+use kerf_physics::{SceneProblems, Vec3, verification};
 
 use super::materials::parameters;
 use super::scenes::{Specimen, everywhere};
@@ -61,7 +61,8 @@ fn collapsed(specimen: &Specimen, load: Load, over_young: f64, budget: Budget) -
     scene.desc.gravity_m_per_s2 = gravity_m_per_s2;
     let mut loaded = Trial::new(scene)?;
     loaded.let_go(specimen.period_s(), LOADED_PERIODS, budget.most_steps, Return::Anywhere);
-    let squeezed: Vec<Vec3> = loaded.world.bodies()[0].state.position_m.iter().map(|x| Vec3::from(*x)).collect();
+    let squeezed: Vec<Vec3> =
+        verification::state(loaded.world.bodies()[0]).position_m.iter().map(|x| Vec3::from(*x)).collect();
     let under_load = loaded.finish();
     let mut unloaded = Trial::new(specimen.scene(specimen.held_block(), 0))?;
     let mut node = 0;

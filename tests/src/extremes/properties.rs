@@ -1,7 +1,7 @@
 //! The same asked of inputs that a generator chooses and, where one fails, shrinks.
 
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{Crossing, LinkId, Pose, Quat, Vec3, Workers};
+use kerf_physics::{Crossing, LinkId, Pose, Quat, Vec3, verification};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
 
@@ -155,7 +155,7 @@ fn strokes_hold(seed: u64, cases: u32) -> Result<(), String> {
         let extent_m = specimen.extent_m();
         let entry_j = ENTRY_SHARE * material.fracture_energy_j_per_m2.unwrap_or(0.0) * extent_m.x * extent_m.y;
         let mut trial = Trial::new(scene).map_err(|e| TestCaseError::fail(e.to_string()))?;
-        let voxels = trial.world.bodies()[0].state.grid.voxels().len();
+        let voxels = trial.world.bodies()[0].grid().voxels().len();
         let hands: Vec<Vec<ToolMotion>> = tools.iter().map(|strokes| motions(strokes, dt_s)).collect();
         for step in 0..hands.iter().map(Vec::len).max().unwrap_or(0) {
             let now: Vec<ToolMotion> = hands.iter().map(|h| h.get(step).copied().unwrap_or(ToolMotion::Lift)).collect();
@@ -180,12 +180,11 @@ fn cuts_hold(seed: u64, cases: u32) -> Result<(), String> {
         let mut trial = Trial::new(scene).map_err(|e| TestCaseError::fail(e.to_string()))?;
         trial.start(|x| (x, Vec3::new(-x.z, 0.0, x.x) * 20.0));
         for cuts in batches {
-            let body = trial.world.body_mut(0);
+            let body = verification::body_mut(&mut trial.world, 0);
             let crossing = |axis: u8, t: f32| Crossing { t, normal: [0, 1, 2].map(|a| f32::from(a == axis)) };
             let links: Vec<_> =
                 cuts.iter().map(|&(cell, axis, t)| (LinkId { cell, axis }, crossing(axis, t))).collect();
-            let parted = body.part_links(&links).parted;
-            body.update_topology(&Workers::serial(), &parted);
+            verification::part(body, &links);
             (0..5).for_each(|_| _ = trial.step(&[]));
         }
         let wrong = check_body(trial.world.bodies()[0], 8 * 7 * 6);

@@ -1,6 +1,6 @@
 //! Free bodies that start far from rest: stretched, flat, shuffled, inside out, flying apart.
 
-use kerf_physics::{SceneProblems, Vec3};
+use kerf_physics::{SceneProblems, Vec3, verification};
 
 use super::materials::parameters;
 use super::scenes::{Specimen, SplitMix64};
@@ -77,16 +77,16 @@ fn massless(waves: f64) -> Specimen {
 /// how far they were at rest: blind to where the body is and how it is turned.
 fn shape_error_voxels(body: &kerf_physics::Body) -> f64 {
     let mut worst = 0.0f64;
-    for element in &body.base().elements {
+    for element in &verification::base(body).elements {
         for (i, &a) in element.nodes.iter().enumerate() {
             for &b in &element.nodes[..i] {
-                let now = (Vec3::from(body.state.position_m[a as usize])
-                    - Vec3::from(body.state.position_m[b as usize]))
+                let now = (Vec3::from(verification::state(body).position_m[a as usize])
+                    - Vec3::from(verification::state(body).position_m[b as usize]))
                 .norm();
                 let then = (body.rest_position_m(a as usize) - body.rest_position_m(b as usize)).norm();
                 worst = worst.max((now - then).abs());
             }
         }
     }
-    worst / body.state.grid.voxel_size_m()
+    worst / body.grid().voxel_size_m()
 }

@@ -1,7 +1,7 @@
 //! The smallest bodies, and bodies held nowhere, everywhere, or cut free.
 
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{Crossing, LinkId, SceneProblems, Vec3, Workers};
+use kerf_physics::{Crossing, LinkId, SceneProblems, Vec3, verification};
 
 use super::cuts::check_body;
 use super::materials::{parameters, pressed};
@@ -104,9 +104,9 @@ fn diced(pitch: i32) -> Case {
         parameters(&specimen),
         move |budget| {
             let mut trial = Trial::new(specimen.scene(specimen.block(), 0))?;
-            let body = trial.world.body_mut(0);
+            let body = verification::body_mut(&mut trial.world, 0);
             let mut links = Vec::new();
-            for voxel in body.state.grid.voxels() {
+            for voxel in body.grid().voxels() {
                 for axis in 0..3u8 {
                     let mut normal = [0.0; 3];
                     normal[axis as usize] = 1.0;
@@ -115,8 +115,7 @@ fn diced(pitch: i32) -> Case {
                     }
                 }
             }
-            let parted = body.part_links(&links).parted;
-            body.update_topology(&Workers::serial(), &parted);
+            verification::part(body, &links);
             trial.start(|rest_m| (rest_m, 5.0 * (rest_m - Vec3::new(0.0, 0.02, 0.0)) / 0.02));
             trial.let_go(specimen.period_s(), 12.0, budget.most_steps, Return::Anywhere);
             let body = trial.world.bodies()[0];
@@ -143,7 +142,7 @@ fn falling() -> Case {
         let mut trial = Trial::new(scene)?;
         (0..300).for_each(|_| _ = trial.step(&[]));
         let body = trial.world.bodies()[0];
-        let momentum: Vec3 = body.nodal_momentum().iter().map(|p| Vec3::from(*p)).sum();
+        let momentum: Vec3 = verification::nodal_momentum(body).iter().map(|p| Vec3::from(*p)).sum();
         let off = (momentum / body.mass_kg() + Vec3::new(0.0, 0.3 * 9.81, 0.0)).norm() / (0.3 * 9.81);
         let wrong = (off > 1e-9).then(|| format!("speed off by {off:.1e} of g t"));
         Ok(Outcome { seen: trial.finish(), wrong: wrong.into_iter().collect() })

@@ -101,7 +101,7 @@ fn run(
     budget: Budget,
 ) -> Result<Outcome, SceneProblems> {
     let mut trial = Trial::new(specimen.scene(blob(specimen, held), tools))?;
-    let voxels = trial.world.bodies()[0].state.grid.voxels().len();
+    let voxels = trial.world.bodies()[0].grid().voxels().len();
     motions.iter().for_each(|motions| _ = trial.step(motions));
     trial.let_go(specimen.period_s(), 12.0, budget.most_steps, Return::Anywhere);
     let wrong = check_body(trial.world.bodies()[0], voxels);

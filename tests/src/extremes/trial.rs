@@ -1,7 +1,7 @@
 //! One world under observation: what goes in, what is stored, what it costs to solve.
 
 use kerf_physics::step_io::{StepOutput, ToolMotion};
-use kerf_physics::{Body, NoClock, Scene, SceneProblems, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Body, NoClock, Scene, SceneProblems, StepInputs, ToolInput, Vec3, Workers, World, verification};
 
 /// Energies below this fraction of `E V` (Young's modulus times volume), those of strains of a thousandth,
 /// count as nothing.
@@ -83,7 +83,7 @@ impl Trial {
     pub fn new(scene: Scene) -> Result<Self, SceneProblems> {
         let scene = scene.judge()?;
         let world = World::new(&scene)?;
-        let volume = |body: &Body| body.state.grid.voxels().len() as f64 * body.state.grid.voxel_size_m().powi(3);
+        let volume = |body: &Body| body.grid().voxels().len() as f64 * body.grid().voxel_size_m().powi(3);
         let bodies = world.bodies();
         let stiff_j = bodies.iter().zip(&scene.desc.objects).map(|(b, o)| o.material.young_modulus_pa * volume(b));
         Ok(Self {
@@ -104,20 +104,20 @@ impl Trial {
     /// Sets positions and velocities of the first body from its rest positions; the energy of that
     /// start counts as put in.
     pub fn start(&mut self, mut state: impl FnMut(Vec3) -> (Vec3, Vec3)) {
-        let body = self.world.body_mut(0);
+        let body = verification::body_mut(&mut self.world, 0);
         for node in 0..body.node_count() {
             let (position_m, velocity_m_per_s) = state(body.rest_position_m(node));
-            body.state.position_m[node] = position_m.into();
-            body.state.velocity_m_per_s[node] = velocity_m_per_s.into();
+            verification::state_mut(body).position_m[node] = position_m.into();
+            verification::state_mut(body).velocity_m_per_s[node] = velocity_m_per_s.into();
         }
         self.take_start();
     }
 
     /// Takes a state of the first body that was set from outside as the start.
     pub fn take_start(&mut self) {
-        let body = self.world.body_mut(0);
-        body.evaluate(&Workers::serial(), 60);
-        self.start_j = body.energy().total_j();
+        let body = verification::body_mut(&mut self.world, 0);
+        verification::evaluate(body, 60);
+        self.start_j = verification::energy(body).total_j();
         self.seen.put_in_j = self.start_j;
         self.edited = true;
     }
@@ -186,7 +186,10 @@ impl Trial {
 
 /// Largest distance of a node from where it was built, in voxels.
 fn left_voxels(body: &Body) -> f64 {
-    let moved =
-        body.state.position_m.iter().enumerate().map(|(n, x)| (Vec3::from(*x) - body.rest_position_m(n)).norm());
-    moved.fold(0.0, f64::max) / body.state.grid.voxel_size_m()
+    let moved = verification::state(body)
+        .position_m
+        .iter()
+        .enumerate()
+        .map(|(n, x)| (Vec3::from(*x) - body.rest_position_m(n)).norm());
+    moved.fold(0.0, f64::max) / body.grid().voxel_size_m()
 }

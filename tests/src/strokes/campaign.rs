@@ -11,7 +11,7 @@ use super::hand::Stroke;
 use super::inspect::seams;
 use super::memory::resident_bytes;
 use super::model::Model;
-use crate::extremes::cuts::check_body;
+use crate::extremes::cuts::{check_body, piece_sizes};
 use crate::extremes::scenes::SplitMix64;
 
 /// What rounding leaves of the energy of a body that nothing has touched, at most, J.
@@ -156,7 +156,7 @@ impl Specimen {
         let mut world = World::new(&model.scene)?;
         let stats = world.object_stats()[0];
         let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| surface.volume_m3()).sum();
-        let folded = |(body, surface): (&Body, &Surface)| surface.folded_edges(&body.state.grid).len();
+        let folded = |(body, surface): (&Body, &Surface)| surface.folded_edges(body.grid()).len();
         let whole_folded = world.bodies_and_surfaces().map(folded).sum();
         let crossing = |(_, surface): (&Body, &Surface)| surface.crossing_pairs().len();
         let whole_crossing = world.bodies_and_surfaces().map(crossing).sum();
@@ -177,7 +177,7 @@ impl Specimen {
     }
 
     fn voxel_m(&self) -> f64 {
-        self.world.bodies()[0].state.grid.voxel_size_m()
+        self.world.bodies()[0].grid().voxel_size_m()
     }
 
     fn stroke(&mut self, rng: &mut SplitMix64, tally: &mut Tally) {
@@ -215,16 +215,16 @@ impl Specimen {
         if !self.world.bodies()[0].is_finite() {
             wrong.push("a position or velocity is not a number".into());
         }
-        let sizes = self.world.bodies()[0].state.grid.piece_sizes();
+        let sizes = piece_sizes(self.world.bodies()[0].grid());
         tally.most_pieces = tally.most_pieces.max(sizes.len());
         tally.least_piece = tally.least_piece.min(sizes[0]);
         let (voxel_m, whole_m3) = (self.voxel_m(), self.whole_m3);
         for (body, surface) in self.world.bodies_and_surfaces() {
-            let seams = seams(&body.state.grid, surface);
+            let seams = seams(body.grid(), surface);
             tally.lone_cracks = tally.lone_cracks.max(seams.lone);
             let crossing = surface.crossing_pairs().len().saturating_sub(self.whole_crossing);
             tally.crossing_pairs = tally.crossing_pairs.max(crossing);
-            let folded = surface.folded_edges(&body.state.grid).len().saturating_sub(self.whole_folded);
+            let folded = surface.folded_edges(body.grid()).len().saturating_sub(self.whole_folded);
             tally.folded_edges = tally.folded_edges.max(folded);
             if folded > 0 {
                 wrong.push(format!("the skin folds back along {folded} edges"));
@@ -253,15 +253,15 @@ impl Specimen {
 
     /// Whether the surface that was followed is the one a new viewer gets.
     fn compare_surface(&mut self, tally: &mut Tally) {
-        let followed = |(body, surface): (&Body, &Surface)| *surface == Surface::build(&body.state.grid);
+        let followed = |(body, surface): (&Body, &Surface)| *surface == Surface::build(body.grid());
         if !self.world.bodies_and_surfaces().all(followed) {
             tally.finding(self.seed, "the surface followed is not the one built anew");
         }
     }
 
     fn is_cut_up(&self) -> bool {
-        let grid = &self.world.bodies()[0].state.grid;
-        let largest = grid.piece_sizes().last().copied().unwrap_or(0) as f64;
+        let grid = self.world.bodies()[0].grid();
+        let largest = piece_sizes(grid).last().copied().unwrap_or(0) as f64;
         self.idle_strokes >= IDLE_STROKES || largest < CUT_UP_FRACTION * grid.voxels().len() as f64
     }
 }
@@ -280,7 +280,7 @@ fn is_finite(output: &StepOutput) -> bool {
 pub fn cut(model: &Model, seed: u64, strokes: u32) -> Result<Tally, SceneProblems> {
     let mut specimen = Specimen::new(model, seed)?;
     let mut tally = Tally {
-        voxels: specimen.world.bodies()[0].state.grid.voxels().len(),
+        voxels: specimen.world.bodies()[0].grid().voxels().len(),
         voxel_m: specimen.voxel_m(),
         left_out: specimen.world.object_stats()[0].left_out.voxels,
         least_piece: usize::MAX,

@@ -3,7 +3,7 @@
 
 use anyhow::{Context, Result};
 use kerf_physics::scene::{Scene, ShapeDesc};
-use kerf_physics::{Vec3, Workers, World};
+use kerf_physics::{Vec3, World, verification};
 use rayon::prelude::*;
 
 use super::beam::Beam;
@@ -90,10 +90,10 @@ fn frequency_hz(mesh: Mesh) -> Result<f64> {
     let scene = scene.judge()?;
     let mut world = World::new(&scene)?;
     let dt_s = 1.0 / scene.desc.rate_hz;
-    let body = world.body_mut(0);
-    body.state.position_m = bent.state.position_m;
-    body.evaluate(&Workers::serial(), 30);
-    body.refresh_operator(&Workers::serial());
+    let body = verification::body_mut(&mut world, 0);
+    verification::state_mut(body).position_m.clone_from(&verification::state(&bent).position_m);
+    verification::evaluate(body, 30);
+    verification::refresh_operator(body);
     let height = |world: &World| displacement_m(world.bodies()[0], end_m(CLAMP_M, SIDE_M)).map(|u| u.y);
     let (mut before, mut crossings) = (height(&world)?, Vec::new());
     // Half a second is more than a period and a half; zeros by linear interpolation.

@@ -2,13 +2,14 @@
 
 use anyhow::Result;
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
-use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, Workers};
+use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, verification};
 use rayon::prelude::*;
 
 use super::scenes::{Lcg, Mesh, block, deform, largest, material, scene};
 use super::{Extent, Family, Reference, Row, Table, statics};
 
 const YOUNG_PA: f64 = 1e6;
+const POISSON: f64 = 0.45;
 const VOXEL_M: f64 = 0.01;
 const ROUNDING: &str = "exact: round-off alone";
 
@@ -29,7 +30,7 @@ impl Filling {
     ];
 
     fn object(self, level: u8) -> ObjectDesc {
-        let mut desc = block([0.16, 0.08, 0.08], Mesh { voxel_m: VOXEL_M, level }, material(YOUNG_PA, 0.45));
+        let mut desc = block([0.16, 0.08, 0.08], Mesh { voxel_m: VOXEL_M, level }, material(YOUNG_PA, POISSON));
         if !matches!(self, Self::Whole) {
             desc.shape = ShapeDesc::Ellipsoid { center_m: [0.05; 3], semi_axes_m: [0.05, 0.044, 0.05] };
         }
@@ -49,7 +50,7 @@ impl Filling {
 
 /// Parts up to `count` links along the axes that are allowed.
 pub fn part_at_random(body: &mut Body, count: usize, allowed: impl Fn(u8) -> bool, rng: &mut Lcg) {
-    let dims = body.state.grid.dims();
+    let dims = body.grid().dims();
     let links: Vec<_> = (0..count)
         .map(|_| {
             let cell = dims.map(|d| (rng.unit() * f64::from(d)) as i32);
@@ -57,8 +58,7 @@ pub fn part_at_random(body: &mut Body, count: usize, allowed: impl Fn(u8) -> boo
         })
         .filter(|(link, _)| allowed(link.axis))
         .collect();
-    let parted = body.part_links(&links).parted;
-    body.update_topology(&Workers::serial(), &parted);
+    verification::part(body, &links);
 }
 
 fn turn(angle_rad: f64) -> Mat3 {
@@ -72,12 +72,16 @@ fn patch(filling: Filling, level: u8) -> Result<f64> {
     let stretch = Mat3::new(1.03, 0.02, -0.01, 0.02, 0.96, 0.015, -0.01, 0.015, 1.05);
     let rotation = turn(0.7);
     deform(&mut body, &(rotation * stretch), &Vec3::new(0.5, -1.0, 2.0));
-    let elastic = body.description.materials[0].elastic;
+    let mu_pa = YOUNG_PA / (2.0 * (1.0 + POISSON));
+    let lambda_pa = YOUNG_PA * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON));
     let strain = stretch - Mat3::identity();
-    let stress = strain * (2.0 * elastic.mu_pa) + Mat3::identity() * (elastic.lambda_pa * strain.trace());
-    let expected = body.constant_stress_forces_n(&(rotation * stress));
-    let off: Vec<[f64; 3]> =
-        body.elastic_forces_n().iter().zip(&expected).map(|(g, e)| [0, 1, 2].map(|i| g[i] - e[i])).collect();
+    let stress = strain * (2.0 * mu_pa) + Mat3::identity() * (lambda_pa * strain.trace());
+    let expected = verification::constant_stress_forces_n(&body, &(rotation * stress));
+    let off: Vec<[f64; 3]> = verification::elastic_forces_n(&body)
+        .iter()
+        .zip(&expected)
+        .map(|(g, e)| [0, 1, 2].map(|i| g[i] - e[i]))
+        .collect();
     Ok(largest(&off) / largest(&expected))
 }
 
@@ -85,11 +89,11 @@ fn patch(filling: Filling, level: u8) -> Result<f64> {
 fn rigid(filling: Filling, level: u8) -> Result<[f64; 2]> {
     let mut worst = [0.0f64; 2];
     let mut body = filling.body(level, 10.0)?;
-    let volume = body.state.grid.voxels().len() as f64 * VOXEL_M.powi(3);
+    let volume = body.grid().voxels().len() as f64 * VOXEL_M.powi(3);
     for angle in [0.3, 1.7, 3.1] {
         deform(&mut body, &turn(angle), &Vec3::new(0.5, -1.0, 2.0));
-        worst[0] = worst[0].max(largest(&body.elastic_forces_n()) / (YOUNG_PA * VOXEL_M.powi(2)));
-        worst[1] = worst[1].max((body.energy().elastic_j / (YOUNG_PA * volume)).abs());
+        worst[0] = worst[0].max(largest(&verification::elastic_forces_n(&body)) / (YOUNG_PA * VOXEL_M.powi(2)));
+        worst[1] = worst[1].max((verification::energy(&body).elastic_j / (YOUNG_PA * volume)).abs());
     }
     Ok(worst)
 }
@@ -98,22 +102,22 @@ fn rigid(filling: Filling, level: u8) -> Result<[f64; 2]> {
 fn shake(body: &mut Body, share: f64, rng: &mut Lcg) {
     let size_m = share * body.lattice_edge_m();
     for node in 0..body.node_count() {
-        body.state.position_m[node] = (body.rest_position_m(node) + rng.vector() * size_m).into();
+        verification::state_mut(body).position_m[node] = (body.rest_position_m(node) + rng.vector() * size_m).into();
     }
-    body.evaluate(&Workers::serial(), 60);
+    verification::evaluate(body, 60);
 }
 
 /// Change of a strained body's energy when it is turned, over the energy.
 fn invariance(filling: Filling, level: u8) -> Result<f64> {
     let mut body = filling.body(level, 10.0)?;
     shake(&mut body, 0.05, &mut Lcg(5));
-    let energy = body.energy().elastic_j;
+    let energy = verification::energy(&body).elastic_j;
     let mut worst = 0.0f64;
     for angle in [0.3, 1.7, 3.1] {
         let q = turn(angle);
-        body.state.position_m.iter_mut().for_each(|x| *x = (q * Vec3::from(*x)).into());
-        body.evaluate(&Workers::serial(), 60);
-        worst = worst.max((body.energy().elastic_j / energy - 1.0).abs());
+        verification::state_mut(&mut body).position_m.iter_mut().for_each(|x| *x = (q * Vec3::from(*x)).into());
+        verification::evaluate(&mut body, 60);
+        worst = worst.max((verification::energy(&body).elastic_j / energy - 1.0).abs());
     }
     Ok(worst)
 }
@@ -124,19 +128,19 @@ fn gradient(filling: Filling, level: u8, strain_stiffening: f64) -> Result<f64> 
     let mut body = filling.body(level, strain_stiffening)?;
     let mut rng = Lcg(7);
     shake(&mut body, 0.05, &mut rng);
-    let forces = body.elastic_forces_n();
+    let forces = verification::elastic_forces_n(&body);
     let scale = largest(&forces);
     let step = 1e-5 * body.lattice_edge_m();
     let mut worst = 0.0f64;
     for _ in 0..60 {
         let (node, axis) = ((rng.unit() * body.node_count() as f64) as usize, (rng.unit() * 3.0) as usize);
-        let middle = body.state.position_m[node][axis];
+        let middle = verification::state(&body).position_m[node][axis];
         let energy = [step, -step].map(|by| {
-            body.state.position_m[node][axis] = middle + by;
-            body.evaluate(&Workers::serial(), 40);
-            body.energy().elastic_j
+            verification::state_mut(&mut body).position_m[node][axis] = middle + by;
+            verification::evaluate(&mut body, 40);
+            verification::energy(&body).elastic_j
         });
-        body.state.position_m[node][axis] = middle;
+        verification::state_mut(&mut body).position_m[node][axis] = middle;
         let slope = (energy[0] - energy[1]) / (2.0 * step);
         worst = worst.max((slope + forces[node][axis]).abs() / scale);
     }

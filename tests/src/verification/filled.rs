@@ -1,8 +1,7 @@
 //! Boxes whose sides do not lie on the lattice: their mass, and how far a bar of such a section bends.
 
 use anyhow::Result;
-use kerf_physics::verification::StepParams;
-use kerf_physics::{Body, Workers};
+use kerf_physics::verification::{self, StepParams};
 use rayon::prelude::*;
 
 use super::cantilever::{sag_of_clamp_m, theory};
@@ -46,9 +45,9 @@ fn weigh(size_mm: [f64; 3], level: u8) -> Result<[f64; 3]> {
     let desc = block(size_m, Mesh { voxel_m: BOX_VOXEL_M, level }, material(1e6, 0.3));
     let exact_kg = desc.material.density_kg_per_m3 * size_m.iter().product::<f64>();
     let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 100 };
-    let mut body = Body::new(&scene(desc), 0, params, &Workers::serial())?;
-    body.state.velocity_m_per_s.fill([0.0, 1.0, 0.0]);
-    let moved_kg: f64 = body.nodal_momentum().iter().map(|p| p[1]).sum();
+    let mut body = verification::body(&scene(desc), params)?;
+    verification::state_mut(&mut body).velocity_m_per_s.fill([0.0, 1.0, 0.0]);
+    let moved_kg: f64 = verification::nodal_momentum(&body).iter().map(|p| p[1]).sum();
     Ok([exact_kg, body.mass_kg(), moved_kg].map(|kg| 1e3 * kg))
 }
 

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
-use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, Workers, World};
+use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, World, verification};
 use rayon::prelude::*;
 
 use super::scenes::{Lcg, Mesh, block, material, run, scene};
@@ -14,11 +14,10 @@ fn bar(level: u8) -> Result<World> {
     // Momenta must not depend on how well the velocities are solved.
     scene.desc.solver.relative_tolerance = Some(1e-2);
     let mut world = World::new(&scene.judge()?)?;
-    let body = world.body_mut(0);
+    let body = verification::body_mut(&mut world, 0);
     let crossing = Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
     let links: Vec<_> = (0..16).map(|n| (LinkId { cell: [CUT, n % 4, n / 4], axis: 0 }, crossing)).collect();
-    let parted = body.part_links(&links).parted;
-    body.update_topology(&Workers::serial(), &parted);
+    verification::part(body, &links);
     ensure!(body.part_count() == 2, "the cut leaves {} parts", body.part_count());
     Ok(world)
 }
@@ -29,8 +28,9 @@ const CUT: i32 = 6;
 /// Whether each node belongs to the far fragment.
 fn far(body: &Body) -> Vec<bool> {
     let mut far = vec![false; body.node_count()];
-    for (voxel, &element) in body.state.grid.voxels().iter().zip(&body.base().owner) {
-        body.base().elements[element as usize].nodes.iter().for_each(|n| far[*n as usize] |= voxel.ijk[0] > CUT);
+    let base = verification::base(body);
+    for (voxel, &element) in body.grid().voxels().iter().zip(&base.owner) {
+        base.elements[element as usize].nodes.iter().for_each(|n| far[*n as usize] |= voxel.ijk[0] > CUT);
     }
     far
 }
@@ -38,10 +38,10 @@ fn far(body: &Body) -> Vec<bool> {
 /// Linear and angular momentum (about the origin) of each fragment.
 fn momenta(body: &Body, far: &[bool]) -> [(Vec3, Vec3); 2] {
     let mut total = [(Vec3::zeros(), Vec3::zeros()); 2];
-    for (node, p) in body.nodal_momentum().iter().enumerate() {
+    for (node, p) in verification::nodal_momentum(body).iter().enumerate() {
         let (total, p) = (&mut total[usize::from(far[node])], Vec3::from(*p));
         total.0 += p;
-        total.1 += Vec3::from(body.state.position_m[node]).cross(&p);
+        total.1 += Vec3::from(verification::state(body).position_m[node]).cross(&p);
     }
     total
 }
@@ -50,7 +50,7 @@ fn momenta(body: &Body, far: &[bool]) -> [(Vec3, Vec3); 2] {
 /// over the first.
 fn tumble(level: u8, steps: u32) -> Result<[f64; 3]> {
     let mut world = bar(level)?;
-    let body = world.body_mut(0);
+    let body = verification::body_mut(&mut world, 0);
     let far = far(body);
     for (node, far) in far.iter().enumerate() {
         let (middle, spin, drift) = if *far {
@@ -58,11 +58,12 @@ fn tumble(level: u8, steps: u32) -> Result<[f64; 3]> {
         } else {
             (Vec3::new(0.035, 0.02, 0.02), Vec3::new(-5.0, 2.0, 9.0), Vec3::new(-0.4, 0.0, 0.1))
         };
-        body.state.velocity_m_per_s[node] = (drift + spin.cross(&(body.rest_position_m(node) - middle))).into();
+        verification::state_mut(body).velocity_m_per_s[node] =
+            (drift + spin.cross(&(body.rest_position_m(node) - middle))).into();
     }
-    body.evaluate(&Workers::serial(), 60);
-    body.refresh_operator(&Workers::serial());
-    let (start, first_j) = (momenta(body, &far), body.energy().total_j());
+    verification::evaluate(body, 60);
+    verification::refresh_operator(body);
+    let (start, first_j) = (momenta(body, &far), verification::energy(body).total_j());
     let mut worst = [0.0f64; 3];
     for _ in 0..steps {
         run(&mut world, 1);
@@ -71,7 +72,7 @@ fn tumble(level: u8, steps: u32) -> Result<[f64; 3]> {
             worst[0] = worst[0].max((now.0 - start.0).norm() / start.0.norm());
             worst[1] = worst[1].max((now.1 - start.1).norm() / start.1.norm());
         }
-        worst[2] = worst[2].max(body.energy().total_j() / first_j);
+        worst[2] = worst[2].max(verification::energy(body).total_j() / first_j);
     }
     Ok(worst)
 }
@@ -96,19 +97,19 @@ fn recover(start: Start, level: u8, strain_stiffening: f64) -> Result<[f64; 2]> 
     let mut scene = scene(desc);
     scene.desc.solver.relative_tolerance = Some(1e-3);
     let mut world = World::new(&scene.judge()?)?;
-    let body = world.body_mut(0);
+    let body = verification::body_mut(&mut world, 0);
     let mut rng = Lcg(5);
     for node in 0..body.node_count() {
-        body.state.position_m[node] = start(body.rest_position_m(node), &mut rng).into();
+        verification::state_mut(body).position_m[node] = start(body.rest_position_m(node), &mut rng).into();
     }
-    body.evaluate(&Workers::serial(), 60);
-    body.refresh_operator(&Workers::serial());
-    let first_j = body.energy().total_j();
+    verification::evaluate(body, 60);
+    verification::refresh_operator(body);
+    let first_j = verification::energy(body).total_j();
     let mut highest = 0.0f64;
     for step in 0..1500 {
         run(&mut world, 1);
         ensure!(world.output().fault.is_none(), "step {step}: {:?}", world.output().fault);
-        highest = highest.max(world.bodies()[0].energy().total_j() / first_j);
+        highest = highest.max(verification::energy(world.bodies()[0]).total_j() / first_j);
     }
     Ok([highest, shape_error_voxels(world.bodies()[0])])
 }
@@ -117,12 +118,12 @@ fn recover(start: Start, level: u8, strain_stiffening: f64) -> Result<[f64; 2]> 
 fn shape_error_voxels(body: &Body) -> f64 {
     let n = body.node_count() as f64;
     let rest: Vec<Vec3> = (0..body.node_count()).map(|i| body.rest_position_m(i)).collect();
-    let now: Vec<Vec3> = body.state.position_m.iter().map(|x| Vec3::from(*x)).collect();
+    let now: Vec<Vec3> = verification::state(body).position_m.iter().map(|x| Vec3::from(*x)).collect();
     let (a, b) = (rest.iter().sum::<Vec3>() / n, now.iter().sum::<Vec3>() / n);
     let covariance = rest.iter().zip(&now).fold(Mat3::zeros(), |m, (r, x)| m + (x - b) * (r - a).transpose());
     let turn = Quat::from_matrix_eps(&covariance, 1e-12, 1000, Quat::identity());
     let error = rest.iter().zip(&now).map(|(r, x)| ((x - b) - turn * (r - a)).norm()).fold(0.0, f64::max);
-    error / body.state.grid.voxel_size_m()
+    error / body.grid().voxel_size_m()
 }
 
 /// The family.

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use anyhow::Result;
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc};
-use kerf_physics::{Body, Crossing, LinkId, Vec3};
+use kerf_physics::{Body, Crossing, LinkId, Vec3, verification};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, displacement_m, material, scene};
@@ -19,7 +19,7 @@ const ADVANCE_M: f64 = 0.02;
 
 /// Parts the links across the plane y = `height_m` whose middles lie in one of the ranges of x.
 fn crack(body: &mut Body, height_m: f64, along_m: &[Range<f64>]) {
-    let (h, [nx, _, nz]) = (body.state.grid.voxel_size_m(), body.state.grid.dims());
+    let (h, [nx, _, nz]) = (body.grid().voxel_size_m(), body.grid().dims());
     let j = (height_m / h).round() as i32 - 1;
     let mut links = Vec::new();
     for i in (0..nx).filter(|i| along_m.iter().any(|r| r.contains(&((f64::from(*i) + 0.5) * h)))) {
@@ -27,8 +27,7 @@ fn crack(body: &mut Body, height_m: f64, along_m: &[Range<f64>]) {
             links.push((LinkId { cell: [i, j, k], axis: 1 }, Crossing { t: 0.5, normal: [0.0, 1.0, 0.0] }));
         }
     }
-    let parted = body.part_links(&links).parted;
-    body.update_topology(&kerf_physics::Workers::serial(), &parted);
+    verification::part(body, &links);
 }
 
 /// Potential energy at rest of a body under its dead loads, J, and the body.
@@ -36,9 +35,10 @@ fn rest(desc: &ObjectDesc, height_m: f64, along_m: &[Range<f64>]) -> Result<(f64
     let mut body = statics::body(&scene(desc.clone()), statics::HELD_TAU_S)?;
     crack(&mut body, height_m, along_m);
     statics::settle(&mut body)?;
-    let moved = (0..body.node_count()).map(|n| (Vec3::from(body.state.position_m[n]) - body.rest_position_m(n)).into());
-    let energy = body.energy();
-    Ok((energy.elastic_j - body.external_work_j(moved), body))
+    let moved = (0..body.node_count())
+        .map(|n| (Vec3::from(verification::state(&body).position_m[n]) - body.rest_position_m(n)).into());
+    let energy = verification::energy(&body);
+    Ok((energy.elastic_j - verification::external_work_j(&body, moved), body))
 }
 
 /// The strip between clamps: height and length, m, and thickness of the upper clamp.

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use kerf_physics::scene::{ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
-use kerf_physics::{Body, Mat3, MaterialPoint, NoClock, StepInputs, Vec3, Workers, World};
+use kerf_physics::{Body, Mat3, MaterialPoint, NoClock, StepInputs, Vec3, Workers, World, verification};
 
 /// A shape that holds every voxel.
 pub const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-1e2; 3], max_m: [1e2; 3] };
@@ -116,19 +116,19 @@ pub fn displacement_m(body: &Body, position_m: Vec3) -> Result<Vec3> {
 /// The point lies outside the body.
 pub fn point(body: &Body, position_m: Vec3) -> Result<MaterialPoint> {
     // A point on a face belongs to the voxel toward the middle of the body.
-    let dims = Vec3::from(body.state.grid.dims().map(f64::from));
-    let middle_m = body.state.grid.origin_m() + dims * (0.5 * body.state.grid.voxel_size_m());
+    let dims = Vec3::from(body.grid().dims().map(f64::from));
+    let middle_m = body.grid().origin_m() + dims * (0.5 * body.grid().voxel_size_m());
     let inward_m = (middle_m - position_m) * 1e-9;
-    let voxel = body.state.grid.voxel_at(body.state.grid.cell_of(&(position_m + inward_m)));
+    let voxel = body.grid().voxel_at(body.grid().cell_of(&(position_m + inward_m)));
     Ok(MaterialPoint { position_m, voxel: voxel.with_context(|| format!("{position_m:?} lies outside the body"))? })
 }
 
 /// Moves every node to `F X + t`, and evaluates with rotations that have converged.
 pub fn deform(body: &mut Body, f: &Mat3, t_m: &Vec3) {
     for node in 0..body.node_count() {
-        body.state.position_m[node] = (f * body.rest_position_m(node) + t_m).into();
+        verification::state_mut(body).position_m[node] = (f * body.rest_position_m(node) + t_m).into();
     }
-    body.evaluate(&Workers::serial(), 60);
+    verification::evaluate(body, 60);
 }
 
 /// Largest component of a node-wise vector.

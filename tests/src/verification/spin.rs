@@ -1,7 +1,7 @@
 //! A free bar that spins is stretched by what its spin says, whatever it turns by in a step.
 
 use anyhow::{Result, ensure};
-use kerf_physics::{Body, MaterialPoint, Vec3, VoxelId, Workers, World};
+use kerf_physics::{Body, MaterialPoint, Vec3, VoxelId, World, verification};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, material, run, scene};
@@ -67,7 +67,7 @@ fn exact() -> f64 {
 
 /// Mean place of the face at an end of the bar, m; of the low end where `sign` is negative.
 fn end_m(body: &Body, sign: f64) -> Vec3 {
-    let grid = &body.state.grid;
+    let grid = body.grid();
     let last = if sign < 0.0 { 0 } else { grid.dims()[0] - 1 };
     let at_end = (0..).zip(grid.voxels()).filter(|(_, voxel)| voxel.ijk[0] == last);
     let faces: Vec<Vec3> = at_end
@@ -87,12 +87,12 @@ fn strain(spin: Spin, level: u8) -> Result<f64> {
     let mut scene = scene(desc);
     scene.desc.rate_hz = spin.rate_hz;
     let mut world = World::new(&scene.judge()?)?;
-    let body = world.body_mut(0);
+    let body = verification::body_mut(&mut world, 0);
     for node in 0..body.node_count() {
         let arm_m = body.rest_position_m(node) - Vec3::from(size_m) / 2.0;
-        body.state.velocity_m_per_s[node] = (Vec3::z() * spin.rad_per_s).cross(&arm_m).into();
+        verification::state_mut(body).velocity_m_per_s[node] = (Vec3::z() * spin.rad_per_s).cross(&arm_m).into();
     }
-    body.evaluate(&Workers::serial(), 60);
+    verification::evaluate(body, 60);
     for _ in 0..(TURNED_RAD / spin.rad_per_s * spin.rate_hz).round() as u32 {
         run(&mut world, 1);
         ensure!(world.output().fault.is_none(), "{:?}", world.output().fault);

@@ -8,9 +8,9 @@
 use std::collections::VecDeque;
 
 use anyhow::{Context, Result, bail};
+use kerf_physics::Body;
 use kerf_physics::scene::Scene;
-use kerf_physics::verification::{Nodal, StepParams};
-use kerf_physics::{Body, Workers};
+use kerf_physics::verification::{self, Nodal, StepParams};
 use nalgebra::{DMatrix, DVector};
 
 use super::scenes::largest;
@@ -35,7 +35,7 @@ const DEPTH: usize = 8;
 /// The scene is not valid.
 pub fn body(scene: &Scene, tau_s: f64) -> Result<Body> {
     let params = StepParams { dt_s: tau_s, relative_tolerance: 1e-4, max_iterations: 1000 };
-    Body::new(scene, 0, params, &Workers::serial()).context("the scene of a case")
+    verification::body(scene, params).context("the scene of a case")
 }
 
 /// Builds the first object of a scene at rest under loads that bend it far.
@@ -45,11 +45,11 @@ pub fn body(scene: &Scene, tau_s: f64) -> Result<Body> {
 pub fn far_bent(scene: &Scene) -> Result<Body> {
     let mut near = body(scene, APPROACH_TAU_S)?;
     for _ in 0..APPROACH_SOLVES {
-        let change = correction(&mut near);
-        add(&mut near.state.position_m, &change);
+        let change = verification::correction_m(&mut near);
+        add(&mut verification::state_mut(&mut near).position_m, &change);
     }
     let mut body = body(scene, HELD_TAU_S)?;
-    body.state.position_m = near.state.position_m;
+    verification::state_mut(&mut body).position_m.clone_from(&verification::state(&near).position_m);
     settle(&mut body)?;
     Ok(body)
 }
@@ -62,34 +62,19 @@ pub fn settle(body: &mut Body) -> Result<()> {
     let mut history = History::default();
     let mut sizes = Vec::new();
     for _ in 0..MAX_SOLVES {
-        let change = correction(body);
+        let change = verification::correction_m(body);
         let moved = (0..body.node_count()).map(|n| {
             let rest = body.rest_position_m(n);
-            [0, 1, 2].map(|i| body.state.position_m[n][i] - rest[i])
+            [0, 1, 2].map(|i| verification::state(body).position_m[n][i] - rest[i])
         });
         let displacement = moved.flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
         if largest(&change) < REST * displacement {
             return Ok(());
         }
         sizes.push(format!("{:.0e}", largest(&change) / displacement));
-        history.step(&mut body.state.position_m, &change);
+        history.step(&mut verification::state_mut(body).position_m, &change);
     }
     bail!("no rest: relative corrections {sizes:?}")
-}
-
-/// How far a solve at the current positions would move the nodes, m.
-fn correction(body: &mut Body) -> Nodal {
-    let workers = Workers::serial();
-    body.evaluate(&workers, 20);
-    body.refresh_operator(&workers);
-    body.assemble_right_side(&workers);
-    let mut change = vec![[0.0; 3]; body.node_count()];
-    body.solve_velocity_change(&workers, &[], 0.0, &mut change);
-    // Free bodies do not drift by what the solve leaves.
-    body.correct_rigid_motion(std::iter::empty(), &mut change);
-    let tau_s = body.dt_s();
-    change.iter_mut().flatten().for_each(|v| *v *= tau_s);
-    change
 }
 
 fn add(x: &mut Nodal, by: &Nodal) {

@@ -2,8 +2,8 @@
 
 use anyhow::{Result, ensure};
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, RegionDesc, ShapeDesc};
-use kerf_physics::verification::unjudged;
-use kerf_physics::{Body, Crossing, LinkId, Workers, World};
+use kerf_physics::verification::{self, unjudged};
+use kerf_physics::{Body, Crossing, LinkId, World};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, material, run, scene};
@@ -41,12 +41,11 @@ fn strip(mesh: Mesh) -> ObjectDesc {
 }
 
 fn crack(body: &mut Body) {
-    let (h, [_, _, nz]) = (body.state.grid.voxel_size_m(), body.state.grid.dims());
+    let (h, [_, _, nz]) = (body.grid().voxel_size_m(), body.grid().dims());
     let j = ((CLAMP_M + 0.5 * STRIP_M[1]) / h).round() as i32 - 1;
     let link = |i, k| (LinkId { cell: [i, j, k], axis: 1 }, Crossing { t: 0.5, normal: [0.0, 1.0, 0.0] });
     let links: Vec<_> = (0..(TIP_M / h).round() as i32).flat_map(|i| (0..nz).map(move |k| link(i, k))).collect();
-    let parted = body.part_links(&links).parted;
-    body.update_topology(&Workers::serial(), &parted);
+    verification::part(body, &links);
 }
 
 /// Energy per area of the plane that the crack runs in, far from its tip, J/m^2.
@@ -73,9 +72,9 @@ fn speed(mesh: Mesh, rate_hz: f64) -> Result<f64> {
     scene.desc.rate_hz = rate_hz;
     // The clamp is heavier than tissue may be.
     let mut world = World::new(&unjudged(scene))?;
-    let body = world.body_mut(0);
+    let body = verification::body_mut(&mut world, 0);
     crack(body);
-    body.state.position_m.clone_from(&still.state.position_m);
+    verification::state_mut(body).position_m.clone_from(&verification::state(&still).position_m);
     let passed = TIMED_M.map(|x_m| (x_m - TIP_M) * STRIP_M[2] * gc_j_per_m2);
     let (mut paid_j, mut at_s) = (0.0, [0.0; 2]);
     while paid_j < passed[1] {

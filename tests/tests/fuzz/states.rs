@@ -23,14 +23,14 @@ fn state() {
     let scene = Scene { desc: toml::from_str(BLOCK).expect("a scene"), meshes: Default::default() };
     let scene = scene.judge().expect("a sound scene");
     let mut world = World::new(&scene).expect("a world");
-    let mut files = vec![world.save()];
+    let mut files = vec![world.snapshot().save()];
     for step in 0..60 {
         let position_m = Vec3::new(0.0, 0.012 - 2e-4 * f64::from(step), 4e-4);
         let pose = Pose { position_m, orientation: Quat::identity() };
         let inputs = [ToolInput { tool: 0, motion: ToolMotion::MoveTo { pose, opening: OPEN } }];
         world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
     }
-    files.push(world.save());
+    files.push(world.snapshot().save());
     let snapshot = world.snapshot();
     fuzz("state", &files, |bytes| {
         let mut bytes = bytes.to_vec();

@@ -150,7 +150,7 @@ fn unwatched(harness: &Harness, session: &str, reel: &Reel) -> (BTreeMap<u64, Co
 }
 
 fn surface_counts(world: &World) -> Counts {
-    let surfaces = world.bodies().into_iter().map(|body| Surface::build(&body.state.grid));
+    let surfaces = world.bodies().into_iter().map(|body| Surface::build(body.grid()));
     surfaces
         .fold((0, 0), |(vertices, quads), surface| (vertices + surface.vertices().len(), quads + surface.quads().len()))
 }

@@ -21,7 +21,7 @@ pub fn of(file: &str, script: &Script, scene: &Scene, world: &World) -> Vec<Scen
         .bodies()
         .iter()
         .map(|body| {
-            let grid = &body.state.grid;
+            let grid = body.grid();
             let low_m = grid.origin_m();
             [low_m, low_m + Vec3::from(grid.dims().map(f64::from)) * grid.voxel_size_m()]
         })

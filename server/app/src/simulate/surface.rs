@@ -12,7 +12,7 @@ pub fn of(scene: &SceneDesc, world: &mut World) -> Vec<Object> {
         name: desc.name.clone(),
         regions: desc.regions.iter().map(|region| region.name.clone()).collect(),
         colours: desc.materials().map(|material| material.color.map(Color::srgb)).collect(),
-        surface: triangles(&body.state.grid, surface, |_, vertex| {
+        surface: triangles(body.grid(), surface, |_, vertex| {
             let position_m = vertex.position_m.map(f64::from).into();
             body.current_m(&MaterialPoint { position_m, voxel: vertex.voxel }).map(|c| c as f32).into()
         }),

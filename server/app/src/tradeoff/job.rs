@@ -134,9 +134,9 @@ mod tests {
         assert_eq!(scene.desc.solver.max_iterations, 7);
         let world = World::new(&scene).unwrap();
         let body = world.bodies()[0];
-        let half_m = body.state.grid.voxel_size_m();
+        let half_m = body.grid().voxel_size_m();
         let mut seen = [0; 2];
-        for element in 0..body.base().elements.len() {
+        for element in 0..body.element_count() {
             let (centre_m, level) = (body.rest_centre_m(element), body.element_level(element));
             seen[usize::from(level)] += 1;
             // Elements across the border are voxels.

@@ -68,7 +68,7 @@ impl Followed {
     pub fn new(bodies: &[&Body], points: &[Point]) -> Self {
         let follow = |point: &Point| {
             let position_m = Vec3::from(point.position_m);
-            let voxel = voxel_of(&bodies[point.object].state.grid, &position_m);
+            let voxel = voxel_of(bodies[point.object].grid(), &position_m);
             (point.object, MaterialPoint { position_m, voxel })
         };
         Self(points.iter().map(follow).collect())
@@ -93,7 +93,7 @@ fn voxel_of(grid: &Grid, position_m: &Vec3) -> VoxelId {
 
 #[cfg(test)]
 mod tests {
-    use kerf_physics::{NoClock, StepInputs, Workers, World};
+    use kerf_physics::{NoClock, StepInputs, Workers, World, verification};
     use kerf_scenes::catalog;
 
     use super::*;
@@ -122,7 +122,7 @@ mod tests {
         for scale in [1.0, 1.7] {
             scene.desc.objects[0].voxel_size_m = Some(size_m * scale);
             let mut world = World::new(&scene.clone().judge().unwrap()).unwrap();
-            for velocity in &mut world.body_mut(0).state.velocity_m_per_s {
+            for velocity in &mut verification::state_mut(verification::body_mut(&mut world, 0)).velocity_m_per_s {
                 *velocity = [0.5, -0.25, 1.0];
             }
             (0..10).for_each(|_| {

@@ -92,7 +92,7 @@ fn simulate_job(job: Job, progress: &mut dyn FnMut(u64)) -> Result<Run> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build()?;
     let workers = Workers::of(&pool);
     let mut world = World::new(&scene)?;
-    let elements: usize = world.bodies().iter().map(|body| body.base().elements.len()).sum();
+    let elements: usize = world.bodies().iter().map(|body| body.element_count()).sum();
     let rate_hz = scene.desc.rate_hz;
     let mut sampler = Sampler::new(&world, &job, 1.0 / rate_hz);
     let mut tally = Tally::default();
@@ -115,9 +115,9 @@ fn simulate_job(job: Job, progress: &mut dyn FnMut(u64)) -> Result<Run> {
         }
     }
     let bodies = world.bodies();
-    let depth_m = bodies.iter().map(|body| cut_depth_m(&body.state.grid, &tally.cutting_direction)).fold(0.0, f64::max);
+    let depth_m = bodies.iter().map(|body| cut_depth_m(body.grid(), &tally.cutting_direction)).fold(0.0, f64::max);
     Ok(Run {
-        voxels: bodies.iter().map(|body| body.state.grid.voxels().len() as u64).sum(),
+        voxels: bodies.iter().map(|body| body.grid().voxels().len() as u64).sum(),
         elements: elements as u64,
         steps: world.output().step,
         faults: tally.faults,

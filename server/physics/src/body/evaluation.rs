@@ -105,7 +105,7 @@ fn gather(
 
 impl Body {
     /// Rotations, forces, energies and velocity terms of every element at the current state.
-    pub fn evaluate(&mut self, workers: &Workers<'_>, rotation_iterations: u32) {
+    pub(crate) fn evaluate(&mut self, workers: &Workers<'_>, rotation_iterations: u32) {
         self.evaluate_chunks(workers, |_| true, None, rotation_iterations);
     }
 
@@ -168,7 +168,7 @@ impl Body {
 
     /// The box around the body at the state that was last evaluated.
     #[must_use]
-    pub fn bounds(&self) -> Aabb {
+    pub(crate) fn bounds(&self) -> Aabb {
         Aabb::around(self.chunk_boxes().flat_map(|b| [b.min_m, b.max_m]))
     }
 
@@ -180,7 +180,7 @@ impl Body {
 
     /// Energies at the state that was last evaluated.
     #[must_use]
-    pub fn energy(&self) -> BodyEnergy {
+    pub(crate) fn energy(&self) -> BodyEnergy {
         let mut energy = BodyEnergy::default();
         // Lanes without an element have zero matrices and add nothing.
         for chunk in &self.state.chunks {

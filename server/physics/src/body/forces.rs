@@ -29,7 +29,7 @@ impl Body {
     /// Sum of the elastic force at each node, N; what internal forces alone do. Forces on hanging nodes
     /// are handed to their masters.
     #[must_use]
-    pub fn elastic_forces_n(&self) -> Nodal {
+    pub(crate) fn elastic_forces_n(&self) -> Nodal {
         let mut forces = vec![[0.0; 3]; self.node_count()];
         self.for_each_corner(|state, lane, corner, node| {
             (0..3).for_each(|i| forces[node][i] += state.force_n[3 * corner + i].as_array()[lane]);
@@ -40,7 +40,7 @@ impl Body {
 
     /// Sum of the elastic force and the loads at each node, N.
     #[must_use]
-    pub fn pull_n(&self) -> Nodal {
+    pub(crate) fn pull_n(&self) -> Nodal {
         let mut pull_n = self.elastic_forces_n();
         pull_n.iter_mut().zip(&self.solver.external_n).for_each(|(f, load)| (0..3).for_each(|i| f[i] += load[i]));
         pull_n
@@ -49,7 +49,7 @@ impl Body {
     /// What the elements' nodes carry under a constant stress, `-sum_e V sigma d_a`, N: the reference
     /// of the patch test.
     #[must_use]
-    pub fn constant_stress_forces_n(&self, stress_pa: &crate::Mat3) -> Nodal {
+    pub(crate) fn constant_stress_forces_n(&self, stress_pa: &crate::Mat3) -> Nodal {
         let mut forces = vec![[0.0; 3]; self.node_count()];
         for (element, data) in self.base().elements.iter().enumerate() {
             let (block, lane) = (&self.solver.blocks[element / LANES], element % LANES);
@@ -65,7 +65,7 @@ impl Body {
 
     /// Momentum of each node's part of the mass, N s.
     #[must_use]
-    pub fn nodal_momentum(&self) -> Nodal {
+    pub(crate) fn nodal_momentum(&self) -> Nodal {
         let mut momentum = vec![[0.0; 3]; self.node_count()];
         for (element, data) in self.base().elements.iter().enumerate() {
             for (a, &node) in data.nodes.iter().enumerate() {
@@ -150,7 +150,7 @@ impl Body {
     }
 
     /// Brings the solver's operator and its preconditioner to the evaluated state.
-    pub fn refresh_operator(&mut self, workers: &Workers<'_>) {
+    pub(crate) fn refresh_operator(&mut self, workers: &Workers<'_>) {
         self.scratch.stale_parents.clear();
         let mut rewritten = false;
         self.solver.unsmoothed += self.follow_stress();
@@ -193,7 +193,7 @@ impl Body {
 
     /// Writes `dt (f_elastic + f_external - drag)` and the impulses of turning at every node: the right side but for
     /// contact.
-    pub fn assemble_right_side(&mut self, workers: &Workers<'_>) {
+    pub(crate) fn assemble_right_side(&mut self, workers: &Workers<'_>) {
         let dt = self.solver.params.dt_s;
         let mut b = std::mem::take(&mut self.scratch.right_side);
         let (assembly, external_n) = (self.solver.multigrid.operator().assembly(), &self.solver.external_n);
@@ -227,7 +227,7 @@ impl Body {
 
     /// Takes the step with a change of velocity: `v += dv`, `x += dt v`, and what turns freely turns. Returns the
     /// work of the external loads, gravity included, J.
-    pub fn integrate(&mut self, workers: &Workers<'_>, velocity_change: &Nodal) -> f64 {
+    pub(crate) fn integrate(&mut self, workers: &Workers<'_>, velocity_change: &Nodal) -> f64 {
         let dt = self.solver.params.dt_s;
         self.find_turns(velocity_change);
         type Data<'a> = (&'a mut [[f64; 3]], &'a mut [[f64; 3]], &'a [[f64; 3]], &'a [[f64; 3]]);
@@ -251,7 +251,7 @@ impl Body {
 
     /// Work of the external loads, gravity included, over nodal displacements, J.
     #[must_use]
-    pub fn external_work_j(&self, displacement_m: impl Iterator<Item = [f64; 3]>) -> f64 {
+    pub(crate) fn external_work_j(&self, displacement_m: impl Iterator<Item = [f64; 3]>) -> f64 {
         self.solver.external_n.iter().zip(displacement_m).map(|(f, u)| (0..3).map(|i| f[i] * u[i]).sum::<f64>()).sum()
     }
 }

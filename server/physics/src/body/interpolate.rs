@@ -19,7 +19,7 @@ impl Body {
 
     /// What moves a material point.
     #[must_use]
-    pub fn weights(&self, point: &MaterialPoint) -> PointWeights {
+    pub(crate) fn weights(&self, point: &MaterialPoint) -> PointWeights {
         let element = self.element_of(point.voxel);
         let local = self.local_coordinates(element, &point.position_m);
         let nodes = self.base().elements[element].nodes;

@@ -51,7 +51,7 @@ use crate::boundary::{Boundary, Solid};
 use crate::fem::block::LANES;
 use crate::fem::composite::CompositeTables;
 use crate::grid::levels::{Level, Units, VoxelUnits};
-use crate::grid::{VoxelId, voxelize};
+use crate::grid::{Grid, VoxelId, voxelize};
 use crate::making::{MakingStage, Teller};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
@@ -67,9 +67,9 @@ use std::sync::Arc;
 pub struct Body {
     /// What it is made of and what acts on it: constant.
     #[serde(skip, default = "Description::absent")]
-    pub description: Arc<Description>,
+    pub(crate) description: Arc<Description>,
     /// What a step changes.
-    pub state: State,
+    pub(crate) state: State,
     /// What the velocity solve works with.
     solver: Solver,
     /// Room to work in.
@@ -82,7 +82,12 @@ impl Body {
     ///
     /// # Errors
     /// What is wrong with the object's shape.
-    pub fn new(scene: &Scene, index: usize, params: StepParams, workers: &Workers<'_>) -> Result<Self, SceneError> {
+    pub(crate) fn new(
+        scene: &Scene,
+        index: usize,
+        params: StepParams,
+        workers: &Workers<'_>,
+    ) -> Result<Self, SceneError> {
         Self::made(scene, index, params, workers, &mut Teller::new(scene.desc.objects.len(), &mut |_| ()))
     }
 
@@ -129,9 +134,21 @@ impl Body {
         self.scratch.fit(&self.state.levels[0], self.solver.multigrid.operator().assembly());
     }
 
+    /// Voxels, and the links between them that are intact.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.state.grid
+    }
+
+    /// Number of composite elements.
+    #[must_use]
+    pub fn element_count(&self) -> usize {
+        self.base().elements.len()
+    }
+
     /// The level that is solved on.
     #[must_use]
-    pub fn base(&self) -> &Level {
+    pub(crate) fn base(&self) -> &Level {
         &self.state.levels[0]
     }
 
@@ -141,7 +158,7 @@ impl Body {
 
     /// Its surface and the walls of its cuts.
     #[must_use]
-    pub fn boundary(&self) -> &Boundary {
+    pub(crate) fn boundary(&self) -> &Boundary {
         &self.state.boundary
     }
 
@@ -159,19 +176,19 @@ impl Body {
 
     /// Relative tolerance of the solves.
     #[must_use]
-    pub fn relative_tolerance(&self) -> f64 {
+    pub(crate) fn relative_tolerance(&self) -> f64 {
         self.solver.params.relative_tolerance
     }
 
     /// Time step, s.
     #[must_use]
-    pub fn dt_s(&self) -> f64 {
+    pub(crate) fn dt_s(&self) -> f64 {
         self.solver.params.dt_s
     }
 
     /// Factor by which strain has stiffened an element.
     #[must_use]
-    pub fn stiffening(&self, element: usize) -> f64 {
+    pub(crate) fn stiffening(&self, element: usize) -> f64 {
         self.state.elements[element / LANES].stiffening.as_array()[element % LANES]
     }
 
@@ -189,7 +206,7 @@ impl Body {
 
     /// Rotation of an element.
     #[must_use]
-    pub fn rotation(&self, element: usize) -> crate::Mat3 {
+    pub(crate) fn rotation(&self, element: usize) -> crate::Mat3 {
         let r = &self.state.elements[element / LANES].rotation_matrix;
         crate::Mat3::from_row_iterator(r.iter().map(|entry| f64::from(entry.as_array()[element % LANES])))
     }

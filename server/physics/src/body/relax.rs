@@ -91,7 +91,7 @@ pub(crate) fn share_of_rest(relative_residual: f64) -> f64 {
 impl Body {
     /// Takes the body to rest under its loads. Velocities are zero at the end, and what relaxes in time has done so.
     /// `progress` is told the relative residual before each solve.
-    pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
+    pub(crate) fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
         let params = self.solver.params;
         let viscosity = self.set_viscosity_aside();
         self.set_time_step(workers, FIRST_TAU_S);

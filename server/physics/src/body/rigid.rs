@@ -13,13 +13,6 @@ use crate::grid::levels::NONE;
 use crate::{Mat3, Vec3};
 
 impl Body {
-    /// Corrects `dv` on every part that is neither held nor touched (`touched_nodes`), each by itself.
-    pub fn correct_rigid_motion(&mut self, touched_nodes: impl Iterator<Item = u32>, dv: &mut Nodal) {
-        if self.sum_missing_momentum(touched_nodes, dv) {
-            self.add_missing_motion(dv);
-        }
-    }
-
     /// Sums what each part that is neither held nor touched (`touched_nodes`) should have gained and has
     /// not. Returns whether there is any such part.
     pub(crate) fn sum_missing_momentum(&mut self, touched_nodes: impl Iterator<Item = u32>, dv: &Nodal) -> bool {

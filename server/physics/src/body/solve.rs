@@ -36,7 +36,7 @@ impl Body {
     /// Solves for the change of velocity with contact impulses `impulse` (node, N s) added to the
     /// right side, to the tolerance relative to it or, if that is larger, to `scale`;
     /// `velocity_change` starts as the guess and ends as the solution.
-    pub fn solve_velocity_change(
+    pub(crate) fn solve_velocity_change(
         &mut self,
         workers: &Workers<'_>,
         impulses: &[(u32, [f64; 3])],
@@ -65,7 +65,7 @@ impl Body {
 
     /// When a solve ends in which the impulses applied have the norm `scale`, N s.
     #[must_use]
-    pub fn stop(&self, scale: f64) -> Stop {
+    pub(crate) fn stop(&self, scale: f64) -> Stop {
         let StepParams { relative_tolerance, max_iterations, .. } = self.solver.params;
         Stop { scale, relative_tolerance, max_iterations, effort: None }
     }

@@ -26,9 +26,9 @@ const COARSEST_NODES: usize = 27;
 #[derive(Clone, Serialize, Deserialize)]
 pub struct State {
     /// Voxels, and the links between them that are intact.
-    pub grid: Grid,
+    pub(crate) grid: Grid,
     /// Composite elements: the level that is solved on, then the levels above it. Ids stay when links part.
-    pub levels: Kept<Vec<Level>>,
+    pub(crate) levels: Kept<Vec<Level>>,
     /// Position of each node, by node, m, scene frame.
     pub position_m: Nodal,
     /// Velocity of each node, by node, m/s, scene frame.

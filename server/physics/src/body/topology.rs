@@ -39,7 +39,7 @@ impl Body {
     /// Rebuilds parts, nodes, matrices and preconditioner after `parted` links were parted in the
     /// grid. New nodes start where the nodes they split from are, with their velocity, so nothing
     /// jumps.
-    pub fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
+    pub(crate) fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
         let changes = self.update_levels(parted);
         let base = &changes[0];
         self.state.boundary.follow(Solid { grid: &self.state.grid, level: &self.state.levels[0] }, parted, base);
@@ -134,7 +134,7 @@ impl Body {
     /// Parts those of `links` that are intact, but for the ones that would set free a piece of fewer
     /// than [`LEAST_PIECE_VOXELS`]: such a piece stays with what it held on to last, so that a cut that
     /// grazes a surface goes around its outermost voxels.
-    pub fn part_links(&mut self, links: &[(LinkId, Crossing)]) -> PartedLinks {
+    pub(crate) fn part_links(&mut self, links: &[(LinkId, Crossing)]) -> PartedLinks {
         let grid: &mut Grid = &mut self.state.grid;
         let crossed: Vec<LinkId> = links.iter().filter(|(l, c)| grid.part(*l, *c)).map(|(l, _)| *l).collect();
         let mut spared = Vec::new();

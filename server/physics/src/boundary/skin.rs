@@ -49,12 +49,6 @@ impl Skin {
         self.patches.len()
     }
 
-    /// Whether there is none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.patches.is_empty()
-    }
-
     /// The patches of an element.
     pub fn of_element(&self, element: u32) -> impl Iterator<Item = &SkinPatch> {
         let first = self.patches.partition_point(|p| p.element < element);

@@ -23,13 +23,13 @@ pub struct Bounds {
 
 impl Bounds {
     /// The box that holds every point; `None` without points.
-    pub fn of(points: impl Iterator<Item = Vec3>) -> Option<Self> {
+    pub(crate) fn of(points: impl Iterator<Item = Vec3>) -> Option<Self> {
         points.map(|p| Self { min_m: p, max_m: p }).reduce(Self::with)
     }
 
     /// The box that holds both.
     #[must_use]
-    pub fn with(self, other: Self) -> Self {
+    pub(crate) fn with(self, other: Self) -> Self {
         Self { min_m: self.min_m.inf(&other.min_m), max_m: self.max_m.sup(&other.max_m) }
     }
 

@@ -116,7 +116,7 @@ pub struct LevelChange {
 impl LevelChange {
     /// Elements that are new or have other units or nodes than before, ascending.
     #[must_use]
-    pub fn elements(&self) -> Vec<u32> {
+    pub(crate) fn elements(&self) -> Vec<u32> {
         let mut elements: Vec<u32> = self.changed_elements.iter().chain(&self.renoded_elements).copied().collect();
         elements.sort_unstable();
         elements.dedup();
@@ -136,10 +136,6 @@ struct Members {
 pub trait Units {
     /// Number of units.
     fn len(&self) -> usize;
-    /// Whether there is none.
-    fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
     /// Calls `visit` with each unit of a cell of the level above, given by its lower corner and size in
     /// lattice cells of that level, in a fixed order.
     fn in_cell(&self, cell: Ijk, size: i32, visit: &mut dyn FnMut(u32));
@@ -225,13 +221,13 @@ impl Units for Level {
 impl Level {
     /// Builds a base level of cells of `sizes` over all voxels of `units`.
     #[must_use]
-    pub fn base(units: &VoxelUnits<'_>, sizes: CellSizes) -> Self {
+    pub(crate) fn base(units: &VoxelUnits<'_>, sizes: CellSizes) -> Self {
         Self::build(units, units.exponent, sizes)
     }
 
     /// Builds the level above.
     #[must_use]
-    pub fn above(&self) -> Self {
+    pub(crate) fn above(&self) -> Self {
         Self::build(self, self.exponent + 1, self.sizes.grown())
     }
 
@@ -282,24 +278,24 @@ impl Level {
 
     /// Number of lattice cells along each axis.
     #[must_use]
-    pub fn dims(&self) -> [i32; 3] {
+    pub(crate) fn dims(&self) -> [i32; 3] {
         self.sizes.dims
     }
 
     /// How lattice cells are grouped into the elements' cells.
     #[must_use]
-    pub fn sizes(&self) -> &CellSizes {
+    pub(crate) fn sizes(&self) -> &CellSizes {
         &self.sizes
     }
 
     /// Nodes that hang, ascending.
-    pub fn hanging(&self) -> impl Iterator<Item = HangingNode> + '_ {
+    pub(crate) fn hanging(&self) -> impl Iterator<Item = HangingNode> + '_ {
         (0..self.nodes.len() as u32).filter_map(|node| self.hanging_node(node))
     }
 
     /// What moves a node, if it hangs.
     #[must_use]
-    pub fn hanging_node(&self, node: u32) -> Option<HangingNode> {
+    pub(crate) fn hanging_node(&self, node: u32) -> Option<HangingNode> {
         let host = self.hosts[node as usize];
         if host == NONE {
             return None;
@@ -317,12 +313,12 @@ impl Level {
 
     /// Whether some node hangs.
     #[must_use]
-    pub fn is_graded(&self) -> bool {
+    pub(crate) fn is_graded(&self) -> bool {
         self.hosts.iter().any(|host| *host != NONE)
     }
 
     /// The elements of the cell with this lower corner, oldest first.
-    pub fn elements_in(&self, cell: Ijk) -> impl Iterator<Item = u32> + '_ {
+    pub(crate) fn elements_in(&self, cell: Ijk) -> impl Iterator<Item = u32> + '_ {
         let mut next = self.sizes.slot(cell).map_or(NONE, |slot| self.first_in_cell[slot]);
         std::iter::from_fn(move || {
             let current = next;
@@ -345,7 +341,7 @@ impl Level {
     }
 
     /// Recomputes components, neighbours and nodes of the cells that hold `touched` lattice cells.
-    pub fn update(&mut self, units: &dyn Units, touched: impl Iterator<Item = Ijk>) -> LevelChange {
+    pub(crate) fn update(&mut self, units: &dyn Units, touched: impl Iterator<Item = Ijk>) -> LevelChange {
         let cells = touched.filter_map(|cell| self.sizes.cell_of(cell)).map(|c| c.0).collect();
         self.update_in_order(units, sorted(cells))
     }
@@ -576,7 +572,7 @@ impl Level {
     /// Components of the whole level: a number for each element, and how many there are. Elements
     /// that touch only through a shared node of a third belong together, as the neighbours say.
     #[must_use]
-    pub fn parts(&self) -> (Vec<u32>, u32) {
+    pub(crate) fn parts(&self) -> (Vec<u32>, u32) {
         let mut part = vec![NONE; self.elements.len()];
         let mut count = 0;
         let mut stack = Vec::new();

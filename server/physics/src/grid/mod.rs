@@ -344,32 +344,6 @@ impl Grid {
         Some(piece)
     }
 
-    /// Numbers of voxels of the pieces that intact links hold together, ascending.
-    #[must_use]
-    pub fn piece_sizes(&self) -> Vec<usize> {
-        let mut seen = vec![false; self.voxels().len()];
-        let (mut sizes, mut open) = (Vec::new(), Vec::new());
-        for start in 0..seen.len() {
-            if std::mem::replace(&mut seen[start], true) {
-                continue;
-            }
-            open.push(start);
-            let mut size = 0;
-            while let Some(voxel) = open.pop() {
-                size += 1;
-                for (link, other) in Self::links_of(self.voxels()[voxel].ijk) {
-                    let Some(next) = self.voxel_at(other).filter(|_| self.is_intact(link)) else { continue };
-                    if !std::mem::replace(&mut seen[next.index()], true) {
-                        open.push(next.index());
-                    }
-                }
-            }
-            sizes.push(size);
-        }
-        sizes.sort_unstable();
-        sizes
-    }
-
     /// The six links of a cell with their other ends: -x, +x, -y, +y, -z, +z.
     pub fn links_of(cell: Ijk) -> impl Iterator<Item = (LinkId, Ijk)> {
         (0..6u8).map(move |face| Self::link_of(cell, face))

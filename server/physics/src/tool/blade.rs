@@ -21,7 +21,7 @@ pub struct Blade {
     pub flank_friction: Option<f64>,
     /// Whether the ends of the edge cut too, up to the spine.
     pub sharp_ends: bool,
-    /// Factor on the stiffness of its contacts that is a penalty: 1, see [`crate::World::scale_blade_penalties`].
+    /// Factor on the stiffness of its contacts that is a penalty: 1, see [`crate::verification::scale_blade_penalties`].
     pub penalty_factor: f64,
 }
 

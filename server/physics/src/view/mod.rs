@@ -66,12 +66,6 @@ impl View {
         Self { version, objects: objects.into_iter().map(ObjectView::new).collect() }
     }
 
-    /// Topology version that it shows.
-    #[must_use]
-    pub fn version(&self) -> u64 {
-        self.version
-    }
-
     /// Each object's surface.
     pub fn surfaces(&self) -> impl Iterator<Item = &Surface> {
         self.objects.iter().map(|object| &object.surface)

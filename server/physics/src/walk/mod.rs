@@ -48,7 +48,7 @@ enum Place {
 /// Why plain data cannot be walked or read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct WalkError(String);
+pub(crate) struct WalkError(String);
 
 impl WalkError {
     /// With these words.

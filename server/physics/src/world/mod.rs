@@ -207,11 +207,8 @@ impl World {
         total
     }
 
-    /// For verification: sets a factor on the stiffness of every blade contact that is a penalty, of the springs that
-    /// hold the tissue beside an edge and of those between flanks and walls, so as to tell what of a cut depends on
-    /// it. The spring ahead of an edge is not one of them: it is the compliance of the continuum between an element
-    /// and the edge's half-width. No scene has this.
-    pub fn scale_blade_penalties(&mut self, factor: f64) {
+    /// See [`crate::verification::scale_blade_penalties`].
+    pub(crate) fn scale_blade_penalties(&mut self, factor: f64) {
         self.state.slots.iter_mut().flat_map(|s| &mut s.contacts).for_each(|c| c.scale_penalties(factor));
     }
 
@@ -228,7 +225,7 @@ impl World {
     }
 
     /// A body whose state is to be set from outside: starts that are not at rest.
-    pub fn body_mut(&mut self, index: usize) -> &mut Body {
+    pub(crate) fn body_mut(&mut self, index: usize) -> &mut Body {
         let slot = &mut self.state.slots[index];
         slot.edited.get_or_insert(slot.body.boundary().version());
         &mut slot.body

@@ -64,7 +64,7 @@ impl World {
         }
         for slot in &self.state.slots {
             counts.voxels += slot.body.state.grid.voxels().len();
-            counts.composite_elements += slot.body.base().elements.len();
+            counts.composite_elements += slot.body.element_count();
             counts.nodes += slot.body.node_count();
             counts.parts += slot.body.part_count() as usize;
         }
@@ -84,7 +84,7 @@ impl World {
                 rest_max_m: aabb.max_m.into(),
                 voxel_size_m: grid.voxel_size_m(),
                 voxels: grid.voxels().len() as u32,
-                composite_elements: slot.body.base().elements.len() as u32,
+                composite_elements: slot.body.element_count() as u32,
             }
         };
         self.state.slots.iter().map(stats).collect()
@@ -96,8 +96,8 @@ impl World {
     }
 
     /// Whether an object sleeps: it was at rest, and steps leave it as it is until something wakes it.
-    #[must_use]
-    pub fn is_asleep(&self, object: usize) -> bool {
+    #[cfg(test)]
+    pub(crate) fn is_asleep(&self, object: usize) -> bool {
         self.state.slots[object].is_asleep()
     }
 

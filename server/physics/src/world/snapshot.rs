@@ -4,7 +4,6 @@ use super::World;
 use super::contact_model::ToolModel;
 use super::description::SceneIdentity;
 use super::state::State;
-use crate::body::Body;
 use crate::step_io::StepOutput;
 use crate::walk;
 use std::sync::Arc;
@@ -32,12 +31,6 @@ impl Snapshot {
     #[must_use]
     pub fn sim_time_s(&self) -> f64 {
         self.output.sim_time_s
-    }
-
-    /// Relative tolerance of the solves; `None` in a scene without objects.
-    #[must_use]
-    pub fn relative_tolerance(&self) -> Option<f64> {
-        self.state.bodies().next().map(Body::relative_tolerance)
     }
 
     /// What [`World::state_hash`] was then.

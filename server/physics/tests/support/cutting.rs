@@ -196,7 +196,7 @@ impl Rig {
 /// Sizes, in voxels, of the connected pieces among the voxels that `keep` accepts by their centre.
 pub fn pieces(body: &Body, keep: impl Fn(Vec3) -> bool) -> Vec<usize> {
     use kerf_physics::Grid;
-    let grid = &body.state.grid;
+    let grid = body.grid();
     let kept: Vec<bool> = grid.voxels().iter().map(|v| keep(grid.centre_m(v.ijk))).collect();
     let mut seen = vec![false; kept.len()];
     let mut sizes = Vec::new();

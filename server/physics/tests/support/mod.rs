@@ -9,7 +9,7 @@ pub mod swept;
 use kerf_physics::scene::{
     ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ViscosityDesc,
 };
-use kerf_physics::verification::{State, StepParams, unjudged};
+use kerf_physics::verification::{self, State, StepParams, unjudged};
 use kerf_physics::{Body, MaterialPoint, StateHasher, StepInputs, Vec3, VoxelId, Workers, World};
 
 /// Knuth's linear congruential generator: test inputs that a seed reproduces.
@@ -92,19 +92,19 @@ pub fn world_beyond_limits(scene: &Scene) -> World {
 pub fn motion_hash(world: &World) -> u64 {
     let mut hasher = StateHasher::default();
     for body in world.bodies() {
-        let State { position_m, velocity_m_per_s, .. } = &body.state;
+        let State { position_m, velocity_m_per_s, .. } = verification::state(body);
         position_m.iter().chain(velocity_m_per_s).for_each(|v| hasher.floats(v));
     }
     hasher.finish()
 }
 
 pub fn body(object: &ObjectDesc, params: StepParams) -> Body {
-    Body::new(&scene(vec![object.clone()]), 0, params, &Workers::serial()).expect("a valid object")
+    verification::body(&scene(vec![object.clone()]), params).expect("a valid object")
 }
 
 /// Mean displacement of the voxels from `from_m` on along an axis, m.
 pub fn mean_displacement(body: &Body, axis: usize, from_m: f64) -> Vec3 {
-    let grid = &body.state.grid;
+    let grid = body.grid();
     let centres = (0..).zip(grid.voxels()).map(|(id, voxel)| (VoxelId(id), grid.centre_m(voxel.ijk)));
     let moved: Vec<Vec3> = centres
         .filter(|(_, at)| at[axis] > from_m)
@@ -130,7 +130,7 @@ pub fn beam(level: u8, h: f64, poisson_ratio: f64) -> (f64, f64) {
     let body = &world.bodies()[0];
     let tip: Vec<f64> = (0..body.node_count())
         .filter(|n| (body.rest_position_m(*n).z - (length + clamp)).abs() < 1e-9)
-        .map(|n| body.state.position_m[n][1] - body.rest_position_m(n).y)
+        .map(|n| verification::state(body).position_m[n][1] - body.rest_position_m(n).y)
         .collect();
     let deflection = -tip.iter().sum::<f64>() / tip.len() as f64;
     let q = density * g * side * side;
@@ -155,17 +155,17 @@ pub fn up(y: f64) -> Vec3 {
 /// The elastic force on every node is the negative slope of the energy, by central differences, to 1e-6 of
 /// the largest force.
 pub fn assert_forces_are_the_energys_slope(body: &mut Body) {
-    let forces = body.elastic_forces_n();
+    let forces = verification::elastic_forces_n(body);
     let scale = forces.iter().flatten().fold(0.0f64, |m, f| m.max(f.abs()));
     let step = 1e-7;
     for node in 0..body.node_count() {
         for axis in 0..3 {
             let mut energy = [0.0; 2];
             for (e, sign) in energy.iter_mut().zip([1.0, -1.0]) {
-                body.state.position_m[node][axis] += sign * step;
-                body.evaluate(&Workers::serial(), 30);
-                *e = body.energy().elastic_j;
-                body.state.position_m[node][axis] -= sign * step;
+                verification::state_mut(body).position_m[node][axis] += sign * step;
+                verification::evaluate(body, 30);
+                *e = verification::energy(body).elastic_j;
+                verification::state_mut(body).position_m[node][axis] -= sign * step;
             }
             let slope = (energy[0] - energy[1]) / (2.0 * step);
             let error = (slope + forces[node][axis]).abs() / scale;

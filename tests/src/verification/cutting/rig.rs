@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use kerf_physics::scene::{BladeDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, ToolMotion};
-use kerf_physics::{Mat3, NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Mat3, NoClock, Pose, Quat, StepInputs, ToolInput, Vec3, Workers, World, verification};
 
 /// Tolerance of the velocity solves: energies at rest are differed.
 const RELATIVE_TOLERANCE: f64 = 1e-4;
@@ -97,7 +97,7 @@ impl Rig {
         desc.tools = vec![ToolDesc::blade("blade", blade)];
         let scene = Scene { desc, meshes: Default::default() }.judge().context("the scene of a cut")?;
         let mut world = World::new(&scene)?;
-        world.scale_blade_penalties(setup.penalty_factor);
+        verification::scale_blade_penalties(&mut world, setup.penalty_factor);
         let Hold { start_m, along, forward } = setup.hold;
         let turn = Mat3::from_columns(&[along, -forward, along.cross(&-forward)]);
         let orientation = Quat::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(turn));
