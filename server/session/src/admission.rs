@@ -167,23 +167,25 @@ impl Load {
 
     /// Share of a core that the session's steps may keep busy beside those of the others: what these leave of what sessions
     /// may take together, or as much as each of them that wants more (max-min fairness). No limit to a session that is alone.
-    pub fn fair_share(&self) -> f64 {
-        let taken = lock(&self.admission.taken);
-        let others = taken.loads.iter().filter_map(Weak::upgrade).filter(|load| !std::ptr::eq(&**load, self));
-        let mut others: Vec<f64> = others.map(|load| load.peak()).collect();
-        others.sort_unstable_by(f64::total_cmp);
-        if others.is_empty() {
-            return f64::INFINITY;
+    /// `None` while the others are counted elsewhere: a thread that steps waits for nobody, nor does it allocate.
+    pub fn fair_share(&self) -> Option<f64> {
+        let taken = self.admission.taken.try_lock().ok()?;
+        let loads = || taken.loads.iter().filter_map(Weak::upgrade).filter(|load| !std::ptr::eq(&**load, self));
+        if loads().next().is_none() {
+            return Some(f64::INFINITY);
         }
-        let (mut left, mut sessions) = (self.admission.max_load, others.len() + 1);
-        for load in others {
-            let even = left / sessions as f64;
-            if load >= even {
-                return even;
+        let mut share = 0.0;
+        loop {
+            // Those that take less than that leave the rest to the others.
+            let (less, more) = loads()
+                .map(|load| load.peak())
+                .fold((0.0, 1), |(less, more), load| if load < share { (less + load, more) } else { (less, more + 1) });
+            let next = (self.admission.max_load - less) / f64::from(more);
+            if next <= share {
+                return Some(share);
             }
-            (left, sessions) = (left - load, sessions - 1);
+            share = next;
         }
-        left
     }
 
     /// What was measured of late: the time of steps over the time they had.
@@ -285,22 +287,20 @@ mod tests {
 
     #[test]
     fn a_session_may_take_what_the_others_leave_or_as_much_as_those_that_want_more() {
-        let admission = Admission::new(1000.0, 2.0, 10.0, 1);
-        let cost = Cost { step_s: 1e-5, ..COST };
-        let first = admission.admit(&cost, 1000.0, false).unwrap();
-        let shares = |measured: [f64; 4]| {
-            let other = Admission::new(1000.0, 2.0, 10.0, 1);
-            let sessions: Vec<_> = measured.iter().map(|_| other.admit(&cost, 1000.0, false).unwrap()).collect();
-            sessions.iter().zip(measured).for_each(|(session, load)| session.load.set_measured(load));
-            sessions.iter().map(|session| (session.load.fair_share() * 100.0).round() / 100.0).collect::<Vec<_>>()
+        let shares = |measured: &[f64]| {
+            let (admission, cost) = (admission(), Cost { bytes: 0.0, step_s: 1e-5, ..COST });
+            let admit = |_: &f64| admission.admit(&cost, 1000.0, false).unwrap();
+            let sessions: Vec<_> = measured.iter().map(admit).collect();
+            sessions.iter().zip(measured).for_each(|(session, load)| session.load.set_measured(*load));
+            let share = |session: &Admitted| (session.load.fair_share().unwrap() * 100.0).round() / 100.0;
+            sessions.iter().map(share).collect::<Vec<_>>()
         };
-        assert_eq!(shares([0.0; 4]), [2.0; 4]);
-        assert_eq!(shares([0.9; 4]), [0.5; 4], "all want more");
+        assert_eq!(shares(&[0.9]), [f64::INFINITY], "it is alone");
+        assert_eq!(shares(&[0.0; 4]), [2.0; 4]);
+        assert_eq!(shares(&[0.9; 4]), [0.5; 4], "all want more");
         // Those that take less leave the rest to the others.
-        assert_eq!(shares([0.1, 0.1, 0.9, 0.9]), [0.63, 0.63, 0.9, 0.9]);
-        assert_eq!(shares([0.1, 0.1, 0.1, 0.9])[3], 1.7);
-        drop(first);
-        assert_eq!(admission.admit(&cost, 1000.0, false).unwrap().load.fair_share(), f64::INFINITY);
+        assert_eq!(shares(&[0.1, 0.1, 0.9, 0.9]), [0.63, 0.63, 0.9, 0.9]);
+        assert_eq!(shares(&[0.1, 0.1, 0.1, 0.9])[3], 1.7);
     }
 
     #[test]

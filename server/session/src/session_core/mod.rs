@@ -302,7 +302,7 @@ impl SessionCore {
         let load = self.meter.step_ended(elapsed_ns, self.scene.desc.rate_hz);
         if let Some(load) = load {
             self.admitted.load.set_measured(load);
-            self.governor.take_share(self.admitted.load.fair_share());
+            self.admitted.load.fair_share().into_iter().for_each(|share| self.governor.take_share(share));
         }
         let is_paced = self.phase == Phase::Running;
         let timed = TimedStep { output, elapsed_ns, pace: is_paced.then_some(pace), budget_units: work_units };
