@@ -269,15 +269,20 @@ impl Body {
 
     /// Voxels of an element, in the order of its cell.
     pub(crate) fn voxels_of(&self, element: usize) -> Vec<VoxelId> {
+        let mut voxels = Vec::new();
+        self.for_each_voxel_of(element, |voxel| voxels.push(voxel));
+        voxels
+    }
+
+    /// Visits the voxels of an element, in the order of its cell.
+    pub(crate) fn for_each_voxel_of(&self, element: usize, mut visit: impl FnMut(VoxelId)) {
         let base = self.base();
         let units = VoxelUnits { grid: &self.state.grid, exponent: base.exponent };
-        let mut voxels = Vec::new();
         units.in_cell(base.elements[element].cell, base.elements[element].size, &mut |v| {
             if base.owner[v as usize] as usize == element {
-                voxels.push(VoxelId(v));
+                visit(VoxelId(v));
             }
         });
-        voxels
     }
 
     /// Coordinates of a reference position in the cell of an element; 0..=1 inside it.

@@ -11,7 +11,6 @@
 use super::anchor::fracture_energy;
 use crate::Vec3;
 use crate::body::Body;
-use crate::grid::levels::{Units, VoxelUnits};
 use crate::grid::{Crossing, LinkId};
 use std::f64::consts::PI;
 
@@ -72,15 +71,13 @@ fn for_each_link_across(
     plane: f64,
     mut visit: impl FnMut(LinkId, Crossing),
 ) {
-    let (base, grid) = (body.base(), &body.state.grid);
-    let is_own = |voxel: u32| base.owner[voxel as usize] as usize == element;
-    let units = VoxelUnits { grid, exponent: base.exponent };
-    units.in_cell(base.elements[element].cell, base.elements[element].size, &mut |voxel| {
-        let cell = grid.voxels()[voxel as usize].ijk;
+    let grid = body.grid();
+    body.for_each_voxel_of(element, |voxel| {
+        let cell = grid.voxels()[voxel.index()].ijk;
         for axis in 0..3u8 {
             let link = LinkId { cell, axis };
-            let upper = grid.voxel_at(link.upper());
-            if !is_own(voxel) || !upper.is_some_and(|upper| is_own(upper.0)) || !grid.is_intact(link) {
+            let is_own = grid.voxel_at(link.upper()).is_some_and(|upper| body.element_of(upper) == element);
+            if !is_own || !grid.is_intact(link) {
                 continue;
             }
             let along = normal[axis as usize] * grid.voxel_size_m();
