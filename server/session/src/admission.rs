@@ -146,7 +146,7 @@ impl Load {
     /// The sessions that run leave too little.
     pub fn run(&self) -> Result<(), SessionError> {
         let taken = lock(&self.admission.taken);
-        if self.runs.load(Ordering::Relaxed) {
+        if self.is_counted() {
             return Ok(());
         }
         let loads = || taken.loads.iter().filter_map(Weak::upgrade);
@@ -170,7 +170,8 @@ impl Load {
     /// `None` while the others are counted elsewhere: a thread that steps waits for nobody, nor does it allocate.
     pub fn fair_share(&self) -> Option<f64> {
         let taken = self.admission.taken.try_lock().ok()?;
-        let loads = || taken.loads.iter().filter_map(Weak::upgrade).filter(|load| !std::ptr::eq(&**load, self));
+        let is_other = |load: &Arc<Self>| load.is_counted() && !std::ptr::eq(&**load, self);
+        let loads = || taken.loads.iter().filter_map(Weak::upgrade).filter(is_other);
         if loads().next().is_none() {
             return Some(f64::INFINITY);
         }
@@ -200,13 +201,18 @@ impl Load {
         self.peak.store(faded.max(load).to_bits(), Ordering::Relaxed);
     }
 
+    /// Whether it takes time of the others: steps that calls ask for are late for nobody.
+    fn is_counted(&self) -> bool {
+        self.runs.load(Ordering::Relaxed)
+    }
+
     fn peak(&self) -> f64 {
         f64::from_bits(self.peak.load(Ordering::Relaxed))
     }
 
     /// A session at rest costs nothing, until somebody touches its tissue: it counts with what it was told to cost.
     fn counted(&self) -> f64 {
-        if !self.runs.load(Ordering::Relaxed) {
+        if !self.is_counted() {
             return 0.0;
         }
         self.told.max(self.peak()).min(self.most)
@@ -301,6 +307,10 @@ mod tests {
         // Those that take less leave the rest to the others.
         assert_eq!(shares(&[0.1, 0.1, 0.9, 0.9]), [0.63, 0.63, 0.9, 0.9]);
         assert_eq!(shares(&[0.1, 0.1, 0.1, 0.9])[3], 1.7);
+        let admission = admission();
+        let [running, waiting] = [false, true].map(|waits| admission.admit(&COST, 1000.0, waits).unwrap());
+        waiting.load.set_measured(40.0);
+        assert_eq!(running.load.fair_share(), Some(f64::INFINITY), "steps that a client asks for leave it alone");
     }
 
     #[test]
