@@ -87,7 +87,9 @@ fn pressed_case(name: String, specimen: Specimen, block: ObjectDesc) -> Case {
 fn struck_case(name: String, specimen: Specimen, mut block: ObjectDesc) -> Case {
     let element_m = specimen.voxel_size_m * f64::from(1u32 << specimen.level);
     block.material.fracture_energy_j_per_m2 = Some(TOUGHNESS * specimen.young_modulus_pa * element_m);
-    Case::new(Family::Ends, name, parameters(&specimen), move |budget| struck(&specimen, block.clone(), budget))
+    Case::new(Family::Ends, name, parameters(&specimen), move |budget| {
+        struck(&specimen, block.clone(), specimen.period_s(), budget)
+    })
 }
 
 /// The block at half of its height.

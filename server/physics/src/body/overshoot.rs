@@ -6,6 +6,7 @@
 //! shorter way in the same direction, downhill by the model, as in a search along a line (Nocedal and Wright,
 //! "Numerical Optimization", 2006, section 3.1).
 
+use super::rigid_motion::share_of_turn;
 use super::{Body, Nodal};
 use crate::Vec3;
 use crate::fem::block::{LANES, ModelFit};
@@ -49,5 +50,21 @@ impl Body {
     /// Halves the motion of `parts` after a change of velocity `dv`; see [`Self::slow_parts`].
     pub(crate) fn halve_motion(&mut self, parts: &[bool], dv: &mut Nodal, taken: &mut Nodal) {
         self.slow_parts(|part, _| if parts[part] { 0.5 } else { 1.0 }, dv, taken);
+    }
+
+    /// Gives `parts` back what brakes took of their motion, and slows them as a whole to the fastest turn of a step.
+    ///
+    /// A brake takes a spin of a part's unstrained shape ([`Self::brake_spin`]) or of some of its elements. What is left in a
+    /// part that is strained by a fifth may lead uphill however short it is. The motion that the solve found leads downhill,
+    /// and so does a share of it.
+    pub(crate) fn brake_as_a_whole(&mut self, parts: &[bool], dv: &mut Nodal, taken: &mut Nodal) {
+        for (node, (dv, taken)) in dv.iter_mut().zip(taken.iter_mut()).enumerate() {
+            if parts.get(self.part_of_node(node as u32) as usize) == Some(&true) {
+                (0..3).for_each(|i| dv[i] += taken[i]);
+                *taken = [0.0; 3];
+            }
+        }
+        let dt_s = self.solver.params.dt_s;
+        self.slow_parts(|part, motion| if parts[part] { share_of_turn(motion.spin, dt_s) } else { 1.0 }, dv, taken);
     }
 }

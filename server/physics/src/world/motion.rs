@@ -10,6 +10,9 @@ use crate::workers::Workers;
 /// The motion of a piece that a step leads uphill is halved at most so many times. Ours: one is enough nearly always, and
 /// what is left is a thousandth of it.
 const MOST_HALVINGS: u32 = 10;
+/// Halvings after which the motion as the brakes have left it counts as one that leads uphill however short it is. With 1
+/// chips that are strained severalfold, and braked from many turns a step, take longer to spring back.
+const WHOLE_AFTER: u32 = 5;
 
 /// New velocities and positions.
 pub(super) fn integrate(workers: &Workers<'_>, state: &mut State) {
@@ -44,9 +47,10 @@ fn evaluate_step(workers: &Workers<'_>, state: &mut State) {
 }
 
 /// Takes a step that has led pieces uphill back, and half of their motion from it, until it leads none uphill; see
-/// [`crate::body::Body::find_overshot`].
+/// [`crate::body::Body::find_overshot`]. Where a small share of the motion leads uphill too, the brakes have
+/// bent it: see [`crate::body::Body::brake_as_a_whole`].
 fn brake_overshoots(workers: &Workers<'_>, dt_s: f64, state: &mut State) {
-    for _ in 0..MOST_HALVINGS {
+    for halving in 0..MOST_HALVINGS {
         // Nearly always empty, and then without memory of its own.
         let overshot: Vec<(usize, Vec<bool>)> = state.slots.iter().enumerate().filter_map(overshot).collect();
         if overshot.is_empty() {
@@ -57,7 +61,11 @@ fn brake_overshoots(workers: &Workers<'_>, dt_s: f64, state: &mut State) {
             let slot = &mut state.slots[index];
             let taken = &mut slot.scratch.taken_m_per_s;
             taken.resize(slot.body.node_count(), [0.0; 3]);
-            slot.body.halve_motion(&parts, &mut slot.velocity_change, taken);
+            let dv = &mut slot.velocity_change;
+            match halving {
+                WHOLE_AFTER => slot.body.brake_as_a_whole(&parts, dv, taken),
+                _ => slot.body.halve_motion(&parts, dv, taken),
+            }
         }
         brake::book(dt_s, state);
         integrate(workers, state);
