@@ -29,11 +29,11 @@ impl ToolEnds {
 impl Contact<ToolEnds> {
     /// Begins the step as far compressed as the last one ended, whatever depth it is found at: a depth that it did not
     /// come to by pressing has no force. In this step what is missing is made up for, by as much as the tool moves and
-    /// `comes_up_m` more, as if its surface grew by it: that work is the tool's.
-    pub fn begin_compressed_by(&mut self, compressed_m: f64, comes_up_m: f64) {
+    /// `comes_out_m` more, as if its surface grew by it: that work is the tool's.
+    pub fn begin_compressed_by(&mut self, compressed_m: f64, comes_out_m: f64) {
         let way_m = (self.ends.tool_point_m - self.ends.tool_point_before_m).norm();
         let missing_m = (self.gap_before_m - compressed_m).max(0.0);
-        let still_missing_m = (missing_m - way_m - comes_up_m).max(0.0);
+        let still_missing_m = (missing_m - way_m - comes_out_m).max(0.0);
         self.ends.tool_point_before_m -= self.direction * missing_m;
         self.ends.tool_point_m -= self.direction * still_missing_m;
         self.gap_before_m -= missing_m;

@@ -1,6 +1,6 @@
 //! Flanks of a blade against the walls of the cut it stands in.
 
-use super::{COMES_UP_VOXELS_PER_S, Contact, Mode, ToolEnds};
+use super::{COMES_OUT_VOXELS_PER_S, Contact, Mode, ToolEnds};
 use crate::body::Body;
 use crate::boundary::{PatchKey, SurfacePatch};
 use crate::math::cofactor;
@@ -26,7 +26,7 @@ const SLACK_VOXELS: f64 = 0.05;
 /// pressing on the flank: it is of a cut that the blade crosses, or of a piece that has just come free. It is not
 /// pushed out. What has pressed on it since the step before is kept whatever its depth, so that this decides on the
 /// first contact alone. Half or twice changes no bit of a stroke of a wedge that meets no other cut.
-const MOST_COME_UPON_VOXELS: f64 = 0.5;
+const OF_ANOTHER_CUT_VOXELS: f64 = 0.5;
 
 /// Walls that stand at one blade, from step to step.
 #[derive(Clone, Default, Serialize, Deserialize)]
@@ -96,7 +96,7 @@ impl WallsBeside {
             let wall = Wall::beside(body, patch, flanks, nearest, pose);
             let key = (patch.key(), wall.side);
             let known = self.before.binary_search_by_key(&key, |wall| wall.key).ok();
-            if known.is_none() && wall.is_come_upon(body) {
+            if known.is_none() && wall.is_of_another_cut(body) {
                 continue;
             }
             let compressed_m = known.map_or(0.0, |index| self.before[index].compressed_m);
@@ -132,8 +132,8 @@ impl<'a> Wall<'a> {
         Self { patch, beside, side, face, beyond_middle_m: -side.sign() * beside.offset_m }
     }
 
-    fn is_come_upon(&self, body: &Body) -> bool {
-        self.beyond_middle_m > MOST_COME_UPON_VOXELS * body.state.grid.voxel_size_m()
+    fn is_of_another_cut(&self, body: &Body) -> bool {
+        self.beyond_middle_m > OF_ANOTHER_CUT_VOXELS * body.state.grid.voxel_size_m()
     }
 
     /// The spring between the wall and the flank, as stiff as the element behind the wall: `E A / H`. It
@@ -155,7 +155,7 @@ impl<'a> Wall<'a> {
         let travel = (contact.ends.tool_point_m - contact.ends.tool_point_before_m).dot(&contact.direction);
         contact.gap_before_m = face.depth_m - travel;
         contact.gap_predicted_m = face.depth_m - drift;
-        contact.begin_compressed_by(compressed_m, COMES_UP_VOXELS_PER_S * body.dt_s() * h);
+        contact.begin_compressed_by(compressed_m, COMES_OUT_VOXELS_PER_S * body.dt_s() * h);
         contact.mode = if contact.gap_predicted_m > 0.0 { Mode::Spring } else { Mode::Off };
         (contact.gap_predicted_m > -0.5 * h).then_some(contact)
     }

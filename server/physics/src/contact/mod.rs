@@ -23,10 +23,9 @@ use crate::grid::MaterialPoint;
 use crate::solve::spring::PointSpring;
 use serde::{Deserialize, Serialize};
 
-/// Voxels per second by which a contact begins deeper than the last step left it, towards the depth that it is found at. A
-/// contact that took up at once what it is found at would make energy of it. It comes up to its force within the
-/// milliseconds that this says; at half of it in twice the time.
-pub(crate) const COMES_UP_VOXELS_PER_S: f64 = 1.0;
+/// Speed at which what is found deeper than the last step left it comes out, voxels per second. A contact that pushed at
+/// once for the whole depth would make energy of it. With half of this speed it takes twice the time to its force.
+pub(crate) const COMES_OUT_VOXELS_PER_S: f64 = 1.0;
 
 /// What is no deeper than this many voxels is on the surface: a hand that puts a blade onto the tissue is. No surface is
 /// more exact. With none, scripts that begin at the surface wait for ever; with twice as much a probe that comes in so

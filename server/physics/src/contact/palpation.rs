@@ -1,6 +1,6 @@
 //! A smooth tool on the surface of one body: it presses and slides, rubs where the material does, cuts nothing.
 
-use super::{COMES_UP_VOXELS_PER_S, Contact, ContactWeights, Mode, ToolEnds};
+use super::{COMES_OUT_VOXELS_PER_S, Contact, ContactWeights, Mode, ToolEnds};
 use crate::Vec3;
 use crate::body::Body;
 use crate::boundary::{Skin, SkinPatch};
@@ -98,7 +98,7 @@ impl Palpation {
                 let known = self.before.binary_search_by_key(&key, |pressed| pressed.key).ok();
                 pressing.begin_compressed_by(
                     known.map_or(0.0, |index| self.before[index].compressed_m),
-                    COMES_UP_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m(),
+                    COMES_OUT_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m(),
                 );
                 let shift_m = Bed::under(body, patch, self.capsule.radius_m).press(&mut pressing);
                 pressing.rub(body, body.material_of(patch.point.voxel).friction_coefficient);

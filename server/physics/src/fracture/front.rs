@@ -59,7 +59,7 @@ pub struct Front {
     /// Pieces of the front that cut: scratch, kept between steps.
     #[serde(skip)]
     spans: Vec<Span>,
-    /// What drives it in a body that is strained; present in one that is pulled, or so small beside Gc/E that cutting
+    /// What drives it in a body that is strained; present in one under tension, or so small beside Gc/E that cutting
     /// strains all of it.
     drive: Option<Drive>,
     /// Whether the blade was put down in the tissue and the slit that it stands in is to be opened.
@@ -221,14 +221,14 @@ impl Front {
     }
 
     /// Advances the markers that gave way, and the body's crack with them, finds the links their strips cross, and books
-    /// the energy; in the step that they were detected in. Where the body is `pulled`, what that adds is felt from then
+    /// the energy; in the step that they were detected in. Where the body is `in_tension`, what that adds is felt from then
     /// on.
     pub fn advance(
         &mut self,
         body: &Body,
         crack: &mut Crack,
         motion: &BladeMotion<'_>,
-        pulled: bool,
+        in_tension: bool,
         links: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
         let mut book = FrontBook::default();
@@ -262,7 +262,7 @@ impl Front {
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, &motion.pose);
         self.drop_outside(body, &mut book);
-        if pulled && self.drive.is_none() {
+        if in_tension && self.drive.is_none() {
             self.drive = Some(Drive::default());
         }
         book

@@ -8,7 +8,7 @@ use super::link_energy;
 use super::marker::Edge;
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::{COMES_UP_VOXELS_PER_S, Contact, Misjudged, Mode, Solution, ToolEnds, pressed_m};
+use crate::contact::{COMES_OUT_VOXELS_PER_S, Contact, Misjudged, Mode, Solution, ToolEnds, pressed_m};
 use crate::scene::FractureRule;
 use crate::tool::frame::BladeFrame;
 use serde::{Deserialize, Serialize};
@@ -87,15 +87,15 @@ impl FrontContact {
         // Found farther in, or more to the side, than work has pressed it, an edge does not push for that: it would make
         // energy. One that touches for the first time is in by its way in a step at most; one that cuts is as far in as its
         // cap, whatever element it has come to.
-        let comes_up_m = COMES_UP_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
+        let comes_out_m = COMES_OUT_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
         if forward.mode != Mode::Yield {
             let touches_first = forward.mode == Mode::Off && !anchor.yielded;
             let way_in_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
             let most_m = pressed_m(forward.stiffness_n_per_m, anchor.stored_j)
-                + if touches_first { way_in_m.max(comes_up_m) } else { comes_up_m };
+                + if touches_first { way_in_m.max(comes_out_m) } else { comes_out_m };
             shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
         }
-        let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_up_m;
+        let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_out_m;
         let carried_m = -shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
         lateral.mode = lateral_mode(&forward);
         let lateral_n_per_m = lateral.stiffness_n_per_m;

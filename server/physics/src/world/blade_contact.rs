@@ -126,10 +126,10 @@ impl BladeContact {
         &mut self,
         (body, crack): (&Body, &mut Crack),
         path: &ToolPath,
-        pulled: bool,
+        in_tension: bool,
         parting: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
-        self.front.advance(body, crack, &motion(&self.blade, self.mount, path), pulled, parting)
+        self.front.advance(body, crack, &motion(&self.blade, self.mount, path), in_tension, parting)
     }
 }
 

@@ -1,7 +1,7 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
 use super::activity::Activity;
-use super::pulled::Pulled;
+use super::tension::Tension;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, Lost, TopologyChange};
 use crate::contact::ends::point_springs;
@@ -26,8 +26,8 @@ pub(super) struct BodySlot {
     pub(super) crack: Crack,
     /// By part of the tools.
     pub(super) contacts: Vec<ToolContact>,
-    /// Present where the body can be pulled apart.
-    pub(super) pulled: Option<Pulled>,
+    /// Present where the body may tear.
+    pub(super) tension: Option<Tension>,
     /// The solution of the last solve: the next one's guess.
     pub(super) velocity_change: body::Nodal,
     pub(super) ledger: BodyLedger,
@@ -68,7 +68,7 @@ impl Clone for SlotScratch {
 }
 
 impl BodySlot {
-    pub(super) fn new(mut body: Body, parts: &[ToolPart], is_pulled: bool) -> Self {
+    pub(super) fn new(mut body: Body, parts: &[ToolPart], may_tear: bool) -> Self {
         // As fine as the finest smooth part of a tool asks for.
         if let Some(radius_m) = parts.iter().filter_map(|part| part.shape.smooth_radius_m()).reduce(f64::min) {
             body.resolve_boundary(radius_m);
@@ -81,14 +81,14 @@ impl BodySlot {
             body,
             crack: Crack::default(),
             contacts,
-            pulled: None,
+            tension: None,
             edited: None,
             activity: Activity::Awake { still_steps: 0 },
             applied_n_s: 0.0,
             front_stored_j: 0.0,
             scratch: SlotScratch::default(),
         };
-        if is_pulled {
+        if may_tear {
             slot.feel_pull();
         }
         slot.reserve(0);
@@ -102,7 +102,7 @@ impl BodySlot {
     pub(super) fn complete(&mut self, like: &Self, workers: &Workers<'_>) -> Result<(), WalkError> {
         self.body.complete(&like.body, workers)?;
         let nodes = self.body.node_count();
-        let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
+        let cohesive = self.tension.iter().flat_map(|tension| &tension.cohesive.contacts);
         let mut springs = self.contacts.iter().flat_map(ToolContact::springs).chain(cohesive);
         let alike = self.contacts.iter().zip(&like.contacts).all(|(own, like)| own.is_like(like));
         let fits = self.contacts.len() == like.contacts.len()
@@ -119,7 +119,7 @@ impl BodySlot {
         let of_tools: usize = self.contacts.iter().map(|contact| contact.most_springs(&self.body)).sum();
         let markers: usize = self.contacts.iter().map(ToolContact::markers).sum();
         self.crack.reserve(ENDS_PER_MARKER * markers);
-        let of_cohesive = self.pulled.as_ref().map_or(0, |pulled| pulled.cohesive.count());
+        let of_cohesive = self.tension.as_ref().map_or(0, |tension| tension.cohesive.count());
         let springs = of_tools + of_cohesive + tissue_springs.min(ROOM_FOR_SPRINGS);
         self.scratch.impulses.clear();
         self.scratch.impulses.reserve(POINT_NODES * springs);
@@ -127,7 +127,7 @@ impl BodySlot {
     }
 
     pub(super) fn detect_cohesive(&mut self, dt_s: f64) {
-        self.pulled.iter_mut().for_each(|pulled| pulled.cohesive.detect(&self.body, dt_s));
+        self.tension.iter_mut().for_each(|tension| tension.cohesive.detect(&self.body, dt_s));
     }
 
     /// Loads the solver with the contacts as they are now, and with what other tissue does: impulses (node, N s) and
@@ -141,7 +141,7 @@ impl BodySlot {
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.scratch.impulses.clear();
         let of_tools = || self.contacts.iter().flat_map(ToolContact::springs);
-        let cohesive = || self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
+        let cohesive = || self.tension.iter().flat_map(|tension| &tension.cohesive.contacts);
         for contact in of_tools().chain(cohesive()).filter(|c| c.mode != Mode::Off) {
             contact.add_impulses(dt_s, &mut self.scratch.impulses);
         }
@@ -155,15 +155,15 @@ impl BodySlot {
 
     /// Gives the solver's operator the springs of all that presses, and those of other tissue, as tools feel them.
     pub(super) fn set_quasi_static_springs(&mut self, of_tissue: impl Iterator<Item = PointSpring>, dt_s: f64) {
-        let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
+        let cohesive = self.tension.iter().flat_map(|tension| &tension.cohesive.contacts);
         let pressing = self.contacts.iter().flat_map(ToolContact::pressing).chain(cohesive);
         self.body.set_springs(pressing.map(|contact| contact.quasi_static_spring(dt_s)).chain(of_tissue));
     }
 
     /// Whether links may part in this step.
     pub(super) fn may_part(&self) -> bool {
-        let pulled = self.pulled.as_ref().is_some_and(|pulled| !pulled.is_idle());
-        !self.is_asleep() && (pulled || self.contacts.iter().any(ToolContact::has_front))
+        let tears = self.tension.as_ref().is_some_and(|tension| !tension.is_idle());
+        !self.is_asleep() && (tears || self.contacts.iter().any(ToolContact::has_front))
     }
 
     pub(super) fn settle_contacts(&mut self, dt_s: f64, solution: Solution) -> Misjudged {
@@ -171,7 +171,7 @@ impl BodySlot {
         for contact in &mut self.contacts {
             wrong += contact.settle(dt_s, &self.velocity_change, solution);
         }
-        for spring in self.pulled.iter_mut().flat_map(|pulled| &mut pulled.cohesive.contacts) {
+        for spring in self.tension.iter_mut().flat_map(|tension| &mut tension.cohesive.contacts) {
             wrong += spring.settle(dt_s, &spring.ends.weights.sum(&self.velocity_change), solution);
         }
         wrong
@@ -189,7 +189,7 @@ impl BodySlot {
             self.ledger.after = self.body.energy();
         }
         let is_cut = self.body.boundary().version() != version;
-        if is_cut && self.pulled.is_some() {
+        if is_cut && self.tension.is_some() {
             self.feel_pull();
         }
         is_cut
@@ -198,7 +198,7 @@ impl BodySlot {
     /// From now on something pulls at the body: its cuts may go on by themselves, if it can be cut.
     pub(super) fn feel_pull(&mut self) {
         if self.body.description.materials.iter().any(|m| m.fracture_energy_j_per_m2.is_some()) {
-            self.pulled = Some(Pulled::new(&self.body));
+            self.tension = Some(Tension::new(&self.body));
         }
     }
 
@@ -212,7 +212,7 @@ impl BodySlot {
         changes.filter(|(node, _)| body.is_lost_at(lost, *node as u32)).for_each(|(_, change)| *change = [0.0; 3]);
         let is_at_lost = |contact: &Contact| contact.ends.weights.iter().any(|(node, _)| body.is_lost_at(lost, node));
         self.contacts.iter_mut().filter(|c| c.springs().any(is_at_lost)).for_each(ToolContact::lift);
-        let cohesive = self.pulled.iter_mut().map(|pulled| &mut pulled.cohesive);
+        let cohesive = self.tension.iter_mut().map(|tension| &mut tension.cohesive);
         cohesive.filter(|springs| springs.contacts.iter().any(is_at_lost)).for_each(|springs| springs.release());
         self.ledger = BodyLedger::at_rest(self.body.energy());
     }

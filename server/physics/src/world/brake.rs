@@ -42,7 +42,7 @@ pub(super) fn book(dt_s: f64, state: &mut State) {
         let kept = slot.body.impulse_work_j(elements, velocity, |node| taken[node].into());
         let impulse = |c: &Contact| c.applied_n().dot(&c.ends.weights.sum(taken)) * dt_s;
         let acting = slot.contacts.iter().flat_map(|contact| contact.acting());
-        let cohesive = slot.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts).filter(|c| c.force_n != 0.0);
+        let cohesive = slot.tension.iter().flat_map(|tension| &tension.cohesive.contacts).filter(|c| c.force_n != 0.0);
         slot.ledger.momentum_j = slot.body.missing_motion_work_j(&slot.velocity_change);
         slot.ledger.braked_j = kept + acting.chain(cohesive).map(impulse).sum::<f64>();
     }

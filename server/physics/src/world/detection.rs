@@ -7,7 +7,7 @@ use super::tool_contact::ToolContact;
 pub(super) fn tools(state: &mut State) {
     for slot in &mut state.slots {
         slot.detect_tools(&state.tools);
-        if slot.pulled.is_none() && slot.contacts.iter().any(ToolContact::holds) {
+        if slot.tension.is_none() && slot.contacts.iter().any(ToolContact::holds) {
             slot.feel_pull();
         }
     }

@@ -257,7 +257,7 @@ mod tests {
             "tools.[].pose",
             "slots.[].contacts",
             "tissue",
-            "slots.[].pulled",
+            "slots.[].tension",
             "slots.[].body.state.elements.[].branch",
         ] {
             let of_field = by_field.iter().filter(|(path, (_, moved))| path.starts_with(field) && *moved > 0);

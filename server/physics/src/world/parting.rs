@@ -7,7 +7,7 @@ use crate::fracture::{FrontBook, samples_drive};
 use crate::step_io::StepOutput;
 use crate::workers::Workers;
 
-/// Fronts of blades go on, and cuts that are pulled open; which links that crosses is found, none is parted yet.
+/// Fronts of blades go on, and cuts under tension; which links that crosses is found, none is parted yet.
 pub(super) fn advance_fronts(dt_s: f64, state: &mut State, scratch: &mut Scratch, output: &mut StepOutput) {
     let samples = samples_drive(state.step, dt_s);
     for slot in state.slots.iter_mut().filter(|slot| !slot.is_asleep()) {
@@ -17,7 +17,7 @@ pub(super) fn advance_fronts(dt_s: f64, state: &mut State, scratch: &mut Scratch
                 book.add(&contact.advance(
                     (&slot.body, &mut slot.crack),
                     &path,
-                    slot.pulled.is_some(),
+                    slot.tension.is_some(),
                     &mut slot.scratch.parting,
                 ));
                 if samples {
@@ -25,9 +25,9 @@ pub(super) fn advance_fronts(dt_s: f64, state: &mut State, scratch: &mut Scratch
                 }
             }
         }
-        if let Some(pulled) = &mut slot.pulled {
-            let (of_pull, looks) = pulled.advance((&slot.body, &mut slot.crack), &book, &mut slot.scratch.parting);
-            book.add(&of_pull);
+        if let Some(tension) = &mut slot.tension {
+            let (of_tension, looks) = tension.advance((&slot.body, &mut slot.crack), &book, &mut slot.scratch.parting);
+            book.add(&of_tension);
             output.fracture.looks += looks;
         }
         slot.front_stored_j = book.stored_j;
@@ -51,7 +51,7 @@ pub(super) fn update_topology(workers: &Workers<'_>, state: &mut State, output: 
         slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
         slot.ledger.after = slot.body.energy();
         let (parted, change) = (&slot.scratch.parted, &slot.scratch.change);
-        slot.pulled.iter_mut().for_each(|pulled| pulled.follow(&slot.body, parted, change));
+        slot.tension.iter_mut().for_each(|tension| tension.follow(&slot.body, parted, change));
         output.fracture.parted_links += parted.len() as u32;
     }
     if output.fracture.parted_links > 0 {

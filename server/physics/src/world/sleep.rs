@@ -65,7 +65,7 @@ impl BodySlot {
         }
         self.scratch.impulses.clear();
         let of_tools = self.contacts.iter().flat_map(ToolContact::acting);
-        let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
+        let cohesive = self.tension.iter().flat_map(|tension| &tension.cohesive.contacts);
         for contact in of_tools.chain(cohesive) {
             let impulse = contact.direction * (dt_s * contact.force_n);
             self.scratch.impulses.extend(contact.ends.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
@@ -83,7 +83,7 @@ impl BodySlot {
         self.body.halt(workers);
         self.velocity_change.fill([0.0; 3]);
         self.contacts.iter_mut().for_each(ToolContact::come_to_rest);
-        let cohesive = self.pulled.iter_mut().flat_map(|pulled| &mut pulled.cohesive.contacts);
+        let cohesive = self.tension.iter_mut().flat_map(|tension| &mut tension.cohesive.contacts);
         cohesive.for_each(|contact| contact.come_to_rest());
     }
 }

@@ -197,11 +197,11 @@ impl ToolContact {
         &mut self,
         (body, crack): (&Body, &mut Crack),
         path: &ToolPath,
-        pulled: bool,
+        in_tension: bool,
         parting: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
         let mut book = FrontBook::default();
-        self.edges_mut().iter_mut().for_each(|edge| book.add(&edge.advance((body, crack), path, pulled, parting)));
+        self.edges_mut().iter_mut().for_each(|edge| book.add(&edge.advance((body, crack), path, in_tension, parting)));
         book
     }
 

@@ -1,4 +1,4 @@
-//! A body that can be pulled: its cuts may go on by themselves, and what tension opens has to be paid for.
+//! Tension in a body: its cuts may go on by themselves, and what tension opens has to be paid for.
 
 use crate::body::{Body, TopologyChange};
 use crate::fracture::cohesive::CohesiveSprings;
@@ -7,14 +7,14 @@ use crate::fracture::{Crack, FrontBook};
 use crate::grid::{Crossing, LinkId};
 use serde::{Deserialize, Serialize};
 
-/// Tearing in one body.
+/// Tearing in one body, and the cohesive springs that pay for it.
 #[derive(Clone, Serialize, Deserialize)]
-pub(super) struct Pulled {
+pub(super) struct Tension {
     tearing: Tearing,
     pub(super) cohesive: CohesiveSprings,
 }
 
-impl Pulled {
+impl Tension {
     /// Whether there is nothing to tear and no cohesive spring.
     pub(super) fn is_idle(&self) -> bool {
         self.tearing.is_empty() && self.cohesive.contacts.is_empty()
