@@ -19,7 +19,8 @@ fn cause(family: Family) -> &'static str {
         Family::Contrast => "The layers differ by the largest ratio that a scene may have, over single voxels.",
         Family::Supports => "One voxel at a corner holds the block.",
         Family::Starts => {
-            "The body starts with overlapping or inverted elements in a strongly stiffening material (c = 10)."
+            "The nodes start at random places in a strongly stiffening material (c = 10): elements overlap and are inverted. \
+             The body comes to rest in another equilibrium than its shape."
         }
         Family::Tools => {
             "The blade crosses most of the tissue within a few steps, from anywhere and turning as it goes. A server \
