@@ -206,20 +206,32 @@ fn stroke(rng: &mut Lcg, dt_s: f64) -> Vec<ToolMotion> {
     motions
 }
 
+/// A front's spring finds another gap as it comes from element to element, deeper or less deep, so that steps make and lose
+/// energy in turns. What counts is what a stroke has made of nothing by any time in it.
 fn forty_strokes_make_little_energy(rate_hz: f64, seed: u64) {
     let mut rng = Lcg(seed);
-    let (mut made_j, mut work_j) = (0.0, 0.0);
-    for _ in 0..40 {
+    let (mut made_j, mut made_by_steps_j, mut work_j) = (0.0, 0.0, 0.0);
+    for stroke_of_forty in 0..40 {
         let mut world = blob(Held::Base, &straight(), 1, rate_hz);
+        let (mut lost_j, mut least_j) = (0.0f64, 0.0f64);
         for motion in stroke(&mut rng, 1.0 / rate_hz) {
             let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
             let energy = &output.energy;
-            made_j += (-energy.contact_loss_j).max(0.0) + (-energy.initiation_j).max(0.0);
+            lost_j += energy.contact_loss_j + energy.initiation_j;
+            least_j = least_j.min(lost_j);
+            made_by_steps_j += (-energy.contact_loss_j).max(0.0) + (-energy.initiation_j).max(0.0);
             work_j += energy.tool_work_j.abs();
         }
+        assert!(lost_j >= 0.0, "stroke {stroke_of_forty}: its contacts made {} J", -lost_j);
+        made_j -= least_j;
     }
-    println!("{rate_hz} Hz, seed {seed}: contacts made {:.1e} of {work_j:.2} J of work", made_j / work_j);
-    assert!(made_j < 1.2e-2 * work_j, "contacts made {made_j} J of nothing, {work_j} J were done");
+    let [made, by_steps] = [made_j, made_by_steps_j].map(|j| j / work_j);
+    println!(
+        "{rate_hz} Hz, seed {seed}: of {work_j:.2} J of work strokes made {made:.1e}, single steps {by_steps:.1e}"
+    );
+    // The limit is 1e-3. Markers that slide along a front which lags behind the edge take no energy along.
+    assert!(made < 2e-3, "strokes made {made_j} J of nothing, {work_j} J were done");
+    assert!(by_steps < 1.2e-2, "steps made {made_by_steps_j} J of nothing, {work_j} J were done");
 }
 
 #[test]
