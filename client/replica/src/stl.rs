@@ -123,16 +123,16 @@ mod tests {
         surface.triangles.extend(triangles.iter().map(|vertices| Triangle { vertices: *vertices, face, region: 0 }));
     }
 
-    /// A tetrahedron, and after it a body that is slit along the first's base: the walls of the slit meet in an edge and
+    /// A tetrahedron, and after it a body that is cut along the first's base: the walls of the cut meet in an edge and
     /// are at the same place. All walls are.
-    fn slit() -> Surface {
+    fn half_cut() -> Surface {
         let mut surface = Surface {
             positions_m: vec![
                 [0.0, 0.0, 0.0],
                 [1.0, 0.0, 0.0],
                 [0.0, 1.0, 0.0],
                 [0.0, 0.0, 1.0],
-                // The ends of the slit's walls, the edge at which they meet, and what is above and below of them.
+                // The ends of the cut's walls, the edge at which they meet, and what is above and below of them.
                 [0.0, 0.0, 0.0],
                 [0.0, 0.0, 0.0],
                 [1.0, 0.0, 0.0],
@@ -154,7 +154,7 @@ mod tests {
     fn each_piece_is_a_closed_file_though_walls_touch_and_the_largest_is_the_first() {
         let folder = std::env::temp_dir().join(format!("kerf-stl-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
-        let object = |name: &str| Object { name: name.into(), surface: slit(), ..Object::default() };
+        let object = |name: &str| Object { name: name.into(), surface: half_cut(), ..Object::default() };
         let paths = write_pieces(&folder, &[object("liver"), object("a/b"), object("a_b")]).expect("files");
         let names = ["liver-1.stl", "liver-2.stl", "a_b-1.stl", "a_b-2.stl", "a_b_-1.stl", "a_b_-2.stl"];
         assert_eq!(paths, names.map(|name| folder.join(name)));

@@ -98,7 +98,7 @@ describe.each(Object.keys(KINDS))("a %s", (kind) => {
   });
 });
 
-test.each(["blade", "folded blade", "scissors"])("the neck of a %s stands in the slit that it cuts", (kind) => {
+test.each(["blade", "folded blade", "scissors"])("the neck of a %s stands in its cut", (kind) => {
   const shape = shapeOf(kind);
   shape.setNeck(0.1);
   const neck = verticesOf(shape, "neck");

@@ -128,7 +128,7 @@ fn an_edge_put_down_in_the_surface_and_lifted_has_cut_nothing() {
 }
 
 #[test]
-fn a_blade_put_down_in_the_tissue_stands_in_a_slit_and_cuts_on_from_there() {
+fn a_blade_put_down_in_the_tissue_stands_in_a_cut_and_cuts_on_from_there() {
     for (h, level, depth_m) in [(2.5e-3, 2, 1e-3), (2.5e-3, 2, 0.01), (2.5e-3, 0, 0.01)] {
         let scene = cutting_scene(block(h, level), 0.12, 500.0);
         let start = Vec3::new(0.0, BLOCK_HEIGHT_M - depth_m, 4e-4);
@@ -140,9 +140,12 @@ fn a_blade_put_down_in_the_tissue_stands_in_a_slit_and_cuts_on_from_there() {
         assert!((plateau - 1.0).abs() < 0.05, "{name}: F/(Gc w) = {plateau}");
         let (area, work) = rig.area_and_work_ratio(GC_J_PER_M2);
         let cut_m2 = BLOCK_SIDE_M * (BLOCK_HEIGHT_M - depth_m);
-        assert!((area / cut_m2 - 1.0).abs() < 0.1, "{name}: cut {area} of {cut_m2} m^2; the slit is in no book");
+        assert!(
+            (area / cut_m2 - 1.0).abs() < 0.1,
+            "{name}: cut {area} of {cut_m2} m^2; the cut that it stands in is in no book"
+        );
         assert!((work - 1.0).abs() < 0.05, "{name}: work/(Gc A) = {work}");
-        assert_eq!(pieces(rig.body(), |_| true).len(), 2, "{name}: the slit is open to the surface");
+        assert_eq!(pieces(rig.body(), |_| true).len(), 2, "{name}: the cut is open to the surface");
     }
 }
 

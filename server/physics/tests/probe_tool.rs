@@ -181,7 +181,7 @@ fn a_probe_presses_on_the_walls_of_a_cut() {
     assert!(world.output().topology_version > 3);
     let _ =
         world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 1, motion: ToolMotion::Lift }]));
-    // Down into the slit: its walls are spread and press back, up and from both sides.
+    // Down into the cut: its walls are spread and press back, up and from both sides.
     let (output, [residual, work]) = press(&mut world, [1e-5, 0.0], 0.006, 0.008, 200);
     let force = output.tools[0].wrench.force_n;
     println!("force {force:?}, residual over work {:.1e}", residual / work);

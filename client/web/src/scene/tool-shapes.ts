@@ -76,7 +76,7 @@ function blade({ widthM, heightM, thicknessM, edgeM, handle }: BladeSummary): To
   const gripM = Math.min(0.16 * widthM, 0.3 * heightM);
   const { middle, part } = middleOf(points, 0.7 * gripM);
   const foot = new Vector3(middle[0], spineM, middle[2]);
-  // It goes on from the spine, folded as that is: it stands in the slit that the blade has cut.
+  // It goes on from the spine, folded as that is: it stands in the cut of the blade.
   const shaft = steel(band(part, drawnThickness(thicknessM, heightM)));
   shaft.position.y = spineM;
   const grip = capsule(gripM / 2, 0.9 * heightM);

@@ -62,8 +62,8 @@ pub struct Front {
     /// What drives it in a body that is strained; present in one under tension, or so small beside Gc/E that cutting
     /// strains all of it.
     drive: Option<Drive>,
-    /// Whether the blade was put down in the tissue and the slit that it stands in is to be opened.
-    slit: bool,
+    /// Whether the blade was put down in the tissue and the cut that it stands in is to be opened.
+    opens_own_cut: bool,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -106,7 +106,7 @@ impl Front {
             target: Vec::with_capacity(count),
             spans: Vec::with_capacity(3 * count),
             drive: is_small(body).then(Drive::default),
-            slit: false,
+            opens_own_cut: false,
             contacts: Vec::with_capacity(count),
         }
     }
@@ -148,12 +148,12 @@ impl Front {
             }
             *marker = Marker::Outside;
         }
-        self.slit = false;
+        self.opens_own_cut = false;
         self.contacts.clear();
         self.drive.iter_mut().for_each(Drive::clear);
     }
 
-    /// Puts the blade down. Where that is in the tissue it stands in a slit of its own making, which the step's
+    /// Puts the blade down. Where that is in the tissue it stands in a cut of its own making, which the step's
     /// [`Self::advance`] opens, and cuts on from there. An edge no part of which is deeper than on the surface has cut
     /// nothing: what is ahead of it dents before it parts.
     pub fn enter(&mut self, tissue: &Tissue<'_>, motion: &BladeMotion<'_>) {
@@ -164,11 +164,11 @@ impl Front {
                 (motion.pose.transform(&segment.outline_m()), segment.frame.turned(&motion.pose.orientation));
             *marker = put_down(tissue, &at_m, &frame, motion.blade.edge_half_width_m);
             let Marker::On(anchor) = marker else { continue };
-            self.slit |= -grid.signed_distance_m(&anchor.start_m) > ON_SURFACE_VOXELS * grid.voxel_size_m();
+            self.opens_own_cut |= -grid.signed_distance_m(&anchor.start_m) > ON_SURFACE_VOXELS * grid.voxel_size_m();
         }
         for marker in &mut self.markers {
             if let Marker::On(anchor) = marker {
-                anchor.yielded = self.slit;
+                anchor.yielded = self.opens_own_cut;
             }
         }
     }
@@ -232,8 +232,8 @@ impl Front {
         links: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
         let mut book = FrontBook::default();
-        if std::mem::take(&mut self.slit) {
-            self.open_slit(body, motion.blade.flanks.height_m(), links);
+        if std::mem::take(&mut self.opens_own_cut) {
+            self.open_own_cut(body, motion.blade.flanks.height_m(), links);
         }
         let by_link_energy = body.description.fracture_rule == FractureRule::LinkEnergy;
         let first_link = links.len();
@@ -270,8 +270,8 @@ impl Front {
 
     /// Parts what the blade stands in, from its edge up to its spine. Nobody pushed it there, so this takes no work and is
     /// in no book. A link beside a cut stays whole: a blade that comes back into its own cut is not to make a second one.
-    fn open_slit(&self, body: &Body, height_m: f64, links: &mut Vec<(LinkId, Crossing)>) {
-        let mut slit = Vec::new();
+    fn open_own_cut(&self, body: &Body, height_m: f64, links: &mut Vec<(LinkId, Crossing)>) {
+        let mut cut = Vec::new();
         // From the edge to the spine, reference configuration.
         let up = |index: usize| self.anchor(index).map(|a| -a.pull_back(body, &self.frames[index].forward) * height_m);
         for index in self.of_edge() {
@@ -281,26 +281,26 @@ impl Front {
                 match (self.segment(body, left).filter(|_| self.goes_on(left)), up(index + 1)) {
                     (Some(ends), Some(next_up_m)) if left == index => {
                         let to = ends[1].swept_m;
-                        part_quad(body, [from, to, to + next_up_m, from + up_m], &mut slit);
+                        part_quad(body, [from, to, to + next_up_m, from + up_m], &mut cut);
                     }
                     (Some(_), _) => {}
                     (None, _) => {
                         let half = own.pull_back(body, &self.frames[index].along)
                             * (0.5 * side * self.segments[index].length_m);
-                        part_quad(body, [from, from + half, from + half + up_m, from + up_m], &mut slit);
+                        part_quad(body, [from, from + half, from + half + up_m, from + up_m], &mut cut);
                     }
                 }
             }
         }
         let grid = &body.state.grid;
-        slit.retain(|(link, _)| {
+        cut.retain(|(link, _)| {
             ![-1, 1].into_iter().any(|side| {
                 let mut beside = *link;
                 beside.cell[beside.axis as usize] += side;
                 matches!(grid.link(beside), Link::Parted(_))
             })
         });
-        links.append(&mut slit);
+        links.append(&mut cut);
     }
 
     /// Parts what lies between the surface, the marker `index` that is about to start cutting, and the

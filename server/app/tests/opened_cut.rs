@@ -75,7 +75,7 @@ fn opened_m(position_m: [f32; 3], voxel_centre_m: &Vec3) -> [f32; 3] {
 }
 
 #[test]
-fn an_opened_slit_has_clean_lips_and_no_spikes() {
+fn an_opened_cut_has_clean_lips_and_no_spikes() {
     let mut grid = ellipsoid();
     let skin_triangles = Surface::build(&grid).quads().len() * 2;
     let parted = cut_from_above(&mut grid);
@@ -83,8 +83,9 @@ fn an_opened_slit_has_clean_lips_and_no_spikes() {
     let mesh = triangles(&grid, &surface, |_, vertex| {
         opened_m(vertex.position_m, &grid.centre_m(grid.voxels()[vertex.voxel.index()].ijk))
     });
-    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("slit.glb");
-    glb::write(&path, &[glb::Object { name: "slit".into(), surface: mesh.clone(), ..glb::Object::default() }]).unwrap();
+    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("opened_cut.glb");
+    glb::write(&path, &[glb::Object { name: "opened cut".into(), surface: mesh.clone(), ..glb::Object::default() }])
+        .unwrap();
 
     let cut_triangles = mesh.triangles.iter().filter(|t| t.face == Face::Cut).count();
     assert_eq!((cut_triangles, mesh.triangles.len()), (parted * 4, skin_triangles + parted * 4));
