@@ -269,17 +269,21 @@ fn hellos() -> impl Strategy<Value = v1::ClientHello> {
     let tool_ids = prop::collection::vec(tools(), 0..4);
     let key = select(vec![String::new(), "fuzz".into(), "k".repeat(65)]);
     let version = prop_oneof![8 => Just(PROTOCOL_VERSION), 1 => any::<u32>()];
-    let odd = (version, sessions(), tool_ids, doubles(), doubles(), doubles(), key).prop_map(
-        move |(protocol_version, session_id, tool_ids, rate_hz, share, keep_alive_s, client_key)| v1::ClientHello {
+    let names = (version, sessions(), tool_ids, key);
+    let odd = (names, [doubles(), doubles(), doubles()], any::<bool>()).prop_map(|(names, numbers, without_models)| {
+        let (protocol_version, session_id, tool_ids, client_key) = names;
+        let [contact_rate_hz, contact_deadband, contact_keep_alive_s] = numbers;
+        v1::ClientHello {
             protocol_version,
             session_id,
             tool_ids,
-            contact_rate_hz: rate_hz,
-            contact_deadband: share,
-            contact_keep_alive_s: keep_alive_s,
+            contact_rate_hz,
+            contact_deadband,
+            contact_keep_alive_s,
             client_key,
-        },
-    );
+            without_models,
+        }
+    });
     prop_oneof![3 => Just(sound(DRIVEN)), 2 => odd]
 }
 

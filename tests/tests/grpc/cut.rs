@@ -36,7 +36,11 @@ pub struct Stroke {
 
 impl Stroke {
     pub async fn begin(harness: &Harness, session: &str) -> Self {
-        Self { station: harness.drive(session, &[0]).await.unwrap(), seq: 0 }
+        Self::of(harness.drive(session, &[0]).await.unwrap())
+    }
+
+    pub fn of(station: Station) -> Self {
+        Self { station, seq: 0 }
     }
 
     pub async fn press(&mut self, from_m: f32, to_m: f32) {

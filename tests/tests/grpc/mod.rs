@@ -30,3 +30,4 @@ mod unfinished;
 mod vectors;
 mod vertices;
 mod view;
+mod without_models;

@@ -22,7 +22,7 @@ use prost::Message;
 use tonic::Code;
 
 use super::cut::{ABOVE_M, FOOT_M, MIDDLE_M, Stroke, Watcher};
-use super::harness::{BLOCK, Harness, no_expiry, soon};
+use super::harness::{BLOCK, Harness, Station, hello, no_expiry, soon};
 
 async fn recording_harness(folder: &Path) -> Harness {
     Harness::with(|config| {
@@ -60,6 +60,26 @@ async fn recorded_cut(folder: &Path) -> (PathBuf, v1::SessionDescription) {
     let recording = close(&mut harness, &session).await;
     assert!(recording.error.is_empty() && !recording.is_cut_off, "{recording:?}");
     (folder.join(recording.file), last)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_driver_without_models_and_one_with_them_are_recorded_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = recording_harness(folder.path()).await;
+    let session = harness.create().await.unwrap();
+    for (without_models, foot_m) in [(true, MIDDLE_M), (false, FOOT_M), (true, FOOT_M)] {
+        let hello = v1::ClientHello { without_models, ..hello(&session, &[0]) };
+        let mut stroke = Stroke::of(Station::open(harness.channel.clone(), hello).await.unwrap());
+        stroke.press(ABOVE_M, foot_m).await;
+        drop(stroke);
+        harness.until(&session, |described| described.leased_tool_ids.is_empty()).await;
+    }
+    harness.pause(&session).await;
+    let last = harness.describe(&session).await;
+    let recording = close(&mut harness, &session).await;
+    let whole = verified(&folder.path().join(recording.file)).unwrap();
+    assert!(last.topology_version > 0, "it cuts");
+    assert_eq!((whole.steps, whole.state_hash), (last.step, last.state_hash));
 }
 
 fn verified(path: &Path) -> Result<Verified, String> {

@@ -156,6 +156,7 @@ impl Dialler {
             contact_deadband: self.settings.link.deadband,
             contact_keep_alive_s: self.settings.link.keep_alive_s,
             client_key: self.client_key.clone(),
+            without_models: false,
         };
         let first = v1::ControlRequest { message: Some(control_request::Message::Hello(hello)), received: 0 };
         up.try_send(first).map_err(|_| Ended::Broken("the queue is full".into()))?;

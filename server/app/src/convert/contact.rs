@@ -52,6 +52,12 @@ pub fn contact(
     }
 }
 
+/// The same for a client that renders no forces from models: where the tool is in the place of its model.
+pub fn without_model(contact: v1::Contact, report: &StepReport) -> v1::Contact {
+    let placed = report.tools.get(contact.tool_id as usize).and_then(|of_tool| of_tool.output.pose);
+    v1::Contact { model: None, reference: placed.as_ref().map(pose), ..contact }
+}
+
 /// What a tool feels after a step, whoever is told of it, and whether it waits until it is clear of tissue; over
 /// `blend_time_s` a station goes over to its model.
 pub fn felt(

@@ -1,9 +1,10 @@
 //! Which contacts a driver can do without: those that the one before predicts as well as a hand can tell, for a tool that
 //! has not left the place that its model vouches for. A tool that cuts on meets the same force, but where it turns round
-//! its station has to know where it was.
+//! its station has to know where it was. To a driver without models the one before says that the force stays as it is.
 
 use kerf_physics::Vec3;
-use kerf_physics::step_io::ContactModel;
+use kerf_physics::step_io::{ContactModel, ToolOutput};
+use kerf_proto::v1;
 use kerf_session::{StepReport, ToolReport};
 
 use crate::status::RequestError;
@@ -18,6 +19,7 @@ const STIFFNESS_SHARE: f64 = 0.25;
 /// What was told of a driver's tools, and how well that has to predict what they feel now.
 pub struct ContactDeadband {
     share: f64,
+    without_models: bool,
     keep_alive_ns: u64,
     told_ns: u64,
     told: Vec<ToolReport>,
@@ -28,7 +30,8 @@ impl ContactDeadband {
     ///
     /// # Errors
     /// A number is not one.
-    pub fn new(share: f64, keep_alive_s: f64, max_age_s: f64) -> Result<Self, RequestError> {
+    pub fn new(hello: &v1::ClientHello, max_age_s: f64) -> Result<Self, RequestError> {
+        let (share, keep_alive_s) = (hello.contact_deadband, hello.contact_keep_alive_s);
         for (field, value) in [("hello.contact_deadband", share), ("hello.contact_keep_alive_s", keep_alive_s)] {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(RequestError::Rate { field, value });
@@ -38,6 +41,7 @@ impl ContactDeadband {
         let keep_alive_s = if keep_alive_s == 0.0 { longest_s } else { keep_alive_s.min(longest_s) };
         Ok(Self {
             share: share.min(MAX_SHARE),
+            without_models: hello.without_models,
             keep_alive_ns: (keep_alive_s * 1e9) as u64,
             told_ns: 0,
             told: Vec::new(),
@@ -71,20 +75,26 @@ impl ContactDeadband {
         }
     }
 
+    /// The model that a driver is told. Who drove the tool before may have asked for one that it has none of.
+    fn model<'a>(&self, output: &'a ToolOutput) -> Option<&'a ContactModel> {
+        output.contact.as_ref().filter(|_| !self.without_models)
+    }
+
     fn is_predicted(&self, told: &ToolReport, now: &ToolReport) -> bool {
         let waits_alike = told.waits == now.waits;
         let (told, now) = (&told.output, &now.output);
+        let (told_model, now_model) = (self.model(told), self.model(now));
         let is_alike = waits_alike
             && told.pose.is_some() == now.pose.is_some()
             && told.grasp == now.grasp
-            && match (&told.contact, &now.contact) {
+            && match (told_model, now_model) {
                 (Some(told), Some(now)) => is_as_stiff(told, now) && self.gives_alike(told, now),
                 (told, now) => told.is_none() && now.is_none(),
             };
-        let is_valid = told.contact.as_ref().zip(now.pose).is_none_or(|(model, pose)| {
+        let is_valid = told_model.zip(now.pose).is_none_or(|(model, pose)| {
             (pose.position_m - model.reference.position_m).norm() <= model.validity_radius_m
         });
-        let predicted_n = told.contact.as_ref().zip(now.pose).map_or(told.wrench.force_n, |(model, pose)| {
+        let predicted_n = told_model.zip(now.pose).map_or(told.wrench.force_n, |(model, pose)| {
             let moved_m = pose.position_m - model.reference.position_m;
             force_n(model, &moved_m)
         });
@@ -154,8 +164,12 @@ mod tests {
         StepReport { ended_ns: at_ms * 1_000_000, tools, ..StepReport::default() }
     }
 
+    fn deadband_for(hello: &v1::ClientHello) -> ContactDeadband {
+        ContactDeadband::new(hello, 0.1).unwrap()
+    }
+
     fn deadband(share: f64) -> ContactDeadband {
-        ContactDeadband::new(share, 0.0, 0.1).unwrap()
+        deadband_for(&v1::ClientHello { contact_deadband: share, ..v1::ClientHello::default() })
     }
 
     #[test]
@@ -213,6 +227,27 @@ mod tests {
         let mut all = deadband(0.0);
         all.tell(&report(0, 0.002), &[0]);
         assert!(all.is_news(&report(1, 0.002), &[0]));
-        assert!(ContactDeadband::new(f64::NAN, 0.0, 0.1).is_err() && ContactDeadband::new(0.1, -1.0, 0.1).is_err());
+        for (contact_deadband, contact_keep_alive_s) in [(f64::NAN, 0.0), (0.1, -1.0)] {
+            let hello = v1::ClientHello { contact_deadband, contact_keep_alive_s, ..v1::ClientHello::default() };
+            assert!(ContactDeadband::new(&hello, 0.1).is_err());
+        }
+    }
+
+    #[test]
+    fn without_models_a_contact_is_left_out_while_the_force_stays_as_it_is() {
+        let hello = v1::ClientHello { contact_deadband: 0.05, without_models: true, ..v1::ClientHello::default() };
+        let mut deadband = deadband_for(&hello);
+        deadband.tell(&report(0, 0.002), &[0]);
+        let left_by_another_driver = report(10, 0.004);
+        assert!(deadband.is_news(&left_by_another_driver, &[0]), "the force is as its model says, which was not told");
+        let moved = |depth_m| {
+            let mut report = report(10, depth_m);
+            let output = &mut report.tools[0].output;
+            output.contact = None;
+            output.pose.as_mut().unwrap().position_m.x = 0.1;
+            report
+        };
+        assert!(!deadband.is_news(&moved(0.00208), &[0]), "4 % more");
+        assert!(deadband.is_news(&moved(0.0022), &[0]), "10 % more");
     }
 }

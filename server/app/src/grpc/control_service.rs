@@ -10,7 +10,7 @@ use kerf_session::{Driver, PoseRefusal, Registry};
 use tonic::{Request, Response, Status, Streaming};
 
 use super::contact_deadband::ContactDeadband;
-use super::control_stream::{Contacts, outgoing, submit};
+use super::control_stream::{Contacts, Granted, outgoing, submit};
 use super::unary_drivers::UnaryDrivers;
 use super::{Outgoing, check_version, grant_rate_hz};
 use crate::config::ControlLimits;
@@ -46,12 +46,8 @@ impl ControlService {
         }
     }
 
-    /// A driver and the rate of its contacts.
-    fn grant(
-        &self,
-        caller: &Caller,
-        hello: &v1::ClientHello,
-    ) -> Result<(Driver, Contacts, ContactDeadband), RequestError> {
+    /// A driver, and which contacts it is told.
+    fn grant(&self, caller: &Caller, hello: &v1::ClientHello) -> Result<Granted, RequestError> {
         check_version("hello.protocol_version", hello.protocol_version)?;
         if hello.tool_ids.is_empty() {
             return Err(RequestError::Missing { field: "hello.tool_ids" });
@@ -70,15 +66,16 @@ impl ControlService {
         let default_hz = self.limits.default_contact_rate_hz;
         let rate_hz = grant_rate_hz("hello.contact_rate_hz", hello.contact_rate_hz, default_hz, max_hz)?;
         let tools: Vec<usize> = hello.tool_ids.iter().map(|tool| *tool as usize).collect();
-        let (share, keep_alive_s) = (hello.contact_deadband, hello.contact_keep_alive_s);
-        let deadband = ContactDeadband::new(share, keep_alive_s, self.limits.max_contact_age_s)?;
+        let deadband = ContactDeadband::new(hello, self.limits.max_contact_age_s)?;
         let driver = session.drive_as(&hello.client_key, &tools)?;
         let contacts = Contacts::new(step_rate_hz, rate_hz);
-        driver.ask_for_models(contacts.rate_hz());
-        Ok((driver, contacts, deadband))
+        if !hello.without_models {
+            driver.ask_for_models(contacts.rate_hz());
+        }
+        Ok(Granted { driver, contacts, deadband, without_models: hello.without_models })
     }
 
-    fn server_hello(&self, driver: &Driver, contacts: &Contacts) -> v1::ControlResponse {
+    fn server_hello(&self, Granted { driver, contacts, .. }: &Granted) -> v1::ControlResponse {
         let session = driver.session();
         let hello = v1::ServerHello {
             protocol_version: kerf_proto::PROTOCOL_VERSION,
@@ -122,9 +119,9 @@ impl v1::control_service_server::ControlService for ControlService {
         let caller = Caller::of(request.extensions())?;
         let mut incoming = request.into_inner();
         let hello = self.read_hello(&mut incoming).await?;
-        let (driver, contacts, deadband) = self.grant(&caller, &hello)?;
-        let first = self.server_hello(&driver, &contacts);
-        Ok(Response::new(outgoing(first, driver, contacts, deadband, incoming, &self.limits)))
+        let granted = self.grant(&caller, &hello)?;
+        let first = self.server_hello(&granted);
+        Ok(Response::new(outgoing(first, granted, incoming, &self.limits)))
     }
 
     async fn send_pose(&self, request: Request<v1::SendPoseRequest>) -> Result<Response<v1::SendPoseResponse>, Status> {

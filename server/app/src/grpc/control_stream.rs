@@ -21,7 +21,7 @@ use super::in_flight::InFlight;
 use super::pose_budget::PoseBudget;
 use super::{Outgoing, moved};
 use crate::config::ControlLimits;
-use crate::convert::contact::{contact, pose_sample, rejection};
+use crate::convert::contact::{contact, pose_sample, rejection, without_model};
 use crate::convert::fault;
 use crate::status::RequestError;
 
@@ -90,15 +90,23 @@ impl Contacts {
     }
 }
 
+/// What a client's hello was granted.
+pub struct Granted {
+    pub driver: Driver,
+    pub contacts: Contacts,
+    pub deadband: ContactDeadband,
+    /// Its contacts say where the tool is in the place of a model.
+    pub without_models: bool,
+}
+
 /// The answer of a control stream, hello first.
 pub fn outgoing(
     hello: v1::ControlResponse,
-    driver: Driver,
-    contacts: Contacts,
-    deadband: ContactDeadband,
+    granted: Granted,
     incoming: Streaming<v1::ControlRequest>,
     limits: &ControlLimits,
 ) -> Outgoing<v1::ControlResponse> {
+    let Granted { driver, contacts, deadband, without_models } = granted;
     let reports = driver.reports();
     let driver = Arc::new(driver);
     let (rejected, rejections) = mpsc::channel(limits.max_untold_rejections);
@@ -120,6 +128,7 @@ pub fn outgoing(
         driver,
         contacts,
         deadband,
+        without_models,
         reports,
         rejections,
         acknowledged,
@@ -150,6 +159,7 @@ struct OutgoingHalf {
     driver: Arc<Driver>,
     contacts: Contacts,
     deadband: ContactDeadband,
+    without_models: bool,
     reports: Reports,
     rejections: mpsc::Receiver<v1::PoseRejected>,
     acknowledged: watch::Receiver<u64>,
@@ -336,7 +346,9 @@ impl OutgoingHalf {
             }
             self.jumps[index] = jumps;
             let numbered = (number, self.contacts.rate_hz());
-            self.say(Message::Contact(contact(report, tool, driver.id(), numbered, flags)));
+            let told = contact(report, tool, driver.id(), numbered, flags);
+            let told = if self.without_models { without_model(told, report) } else { told };
+            self.say(Message::Contact(told));
         }
     }
 }

@@ -39,55 +39,56 @@ namespace Kerf.V1 {
             "Eh8KBWV2ZW50GAggASgLMg4ua2VyZi52MS5FdmVudEgAQgkKB21lc3NhZ2Ui",
             "MAoSQ2hlY2twb2ludFJlc3RvcmVkEgwKBHN0ZXAYASABKAQSDAoEbmFtZRgC",
             "IAEoCSI8ChBUb2xlcmFuY2VDaGFuZ2VkEgwKBHN0ZXAYASABKAQSGgoScmVs",
-            "YXRpdmVfdG9sZXJhbmNlGAIgASgBIrIBCgtDbGllbnRIZWxsbxIYChBwcm90",
+            "YXRpdmVfdG9sZXJhbmNlGAIgASgBIsoBCgtDbGllbnRIZWxsbxIYChBwcm90",
             "b2NvbF92ZXJzaW9uGAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSEAoIdG9v",
             "bF9pZHMYAyADKA0SFwoPY29udGFjdF9yYXRlX2h6GAQgASgBEhgKEGNvbnRh",
             "Y3RfZGVhZGJhbmQYBSABKAESHAoUY29udGFjdF9rZWVwX2FsaXZlX3MYBiAB",
-            "KAESEgoKY2xpZW50X2tleRgHIAEoCSKgAQoLU2VydmVySGVsbG8SGAoQcHJv",
-            "dG9jb2xfdmVyc2lvbhgBIAEoDRIfCgZsaW1pdHMYAiABKAsyDy5rZXJmLnYx",
-            "LkxpbWl0cxIkCgVzY2VuZRgDIAEoCzIVLmtlcmYudjEuU2NlbmVTdW1tYXJ5",
-            "EhcKD2NvbnRhY3RfcmF0ZV9oehgEIAEoARIXCg9zZXJ2ZXJfaW5zdGFuY2UY",
-            "BSABKAkiiwEKCFRvb2xQb3NlEg8KB3Rvb2xfaWQYASABKA0SCwoDc2VxGAIg",
-            "ASgEEhEKCWNsaWVudF9ucxgDIAEoBBIbCgRwb3NlGAQgASgLMg0ua2VyZi52",
-            "MS5Qb3NlEg8KB2J1dHRvbnMYBSABKA0SFAoHb3BlbmluZxgGIAEoAkgAiAEB",
-            "QgoKCF9vcGVuaW5nIhsKCExpZnRUb29sEg8KB3Rvb2xfaWQYASABKA0imwIK",
-            "B0NvbnRhY3QSDwoHdG9vbF9pZBgBIAEoDRIMCgRzdGVwGAIgASgEEhIKCnNp",
-            "bV90aW1lX3MYAyABKAESEAoIZWNob19zZXEYBCABKAQSDwoHZWNob19ucxgF",
-            "IAEoBBIfCgZ3cmVuY2gYBiABKAsyDy5rZXJmLnYxLldyZW5jaBIkCgVtb2Rl",
-            "bBgHIAEoCzIVLmtlcmYudjEuQ29udGFjdE1vZGVsEhgKEGN1dHRpbmdfbGVu",
-            "Z3RoX20YCCABKAISDQoFZmxhZ3MYCSABKA0SDgoGbnVtYmVyGAogASgEEhEK",
-            "CXNlcnZlcl9ucxgLIAEoBBIXCg9lY2hvX2Fycml2ZWRfbnMYDCABKAQSDgoG",
-            "bGFnX25zGA0gASgEIo8DCgxDb250YWN0TW9kZWwSIAoJcmVmZXJlbmNlGAEg",
-            "ASgLMg0ua2VyZi52MS5Qb3NlEhEKCXN0aWZmbmVzcxgCIAMoAhIZChFkYW1w",
-            "aW5nX25fc19wZXJfbRgDIAEoAhIYCgtmb3JjZV9jYXBfbhgEIAEoAkgAiAEB",
-            "EiQKDWNhcF9kaXJlY3Rpb24YBSABKAsyDS5rZXJmLnYxLlZlYzMSGQoRdmFs",
-            "aWRpdHlfcmFkaXVzX20YBiABKAISDwoHZGFtcGluZxgHIAMoAhInChB2ZWxv",
-            "Y2l0eV9tX3Blcl9zGAggASgLMg0ua2VyZi52MS5WZWMzEjEKGmFuZ3VsYXJf",
-            "dmVsb2NpdHlfcmFkX3Blcl9zGAkgASgLMg0ua2VyZi52MS5WZWMzEhQKDGJs",
-            "ZW5kX3RpbWVfcxgKIAEoAhIXCgpnaXZlc19hdF9uGAsgASgCSAGIAQESGQoR",
-            "Zm9yY2VfY2FwX2dpdmVuX24YDCABKAJCDgoMX2ZvcmNlX2NhcF9uQg0KC19n",
-            "aXZlc19hdF9uIkoKDFBvc2VSZWplY3RlZBIPCgd0b29sX2lkGAEgASgNEgsK",
-            "A3NlcRgCIAEoBBINCgVmaWVsZBgDIAEoCRINCgVsaW1pdBgEIAEoCSJGCglM",
-            "ZWFzZUxvc3QSDwoHdG9vbF9pZBgBIAEoDRIoCgZyZWFzb24YAiABKA4yGC5r",
-            "ZXJmLnYxLkxlYXNlTG9zdFJlYXNvbiKEAQoPU2VuZFBvc2VSZXF1ZXN0EhIK",
-            "CnNlc3Npb25faWQYASABKAkSDQoFbGVhc2UYAiABKAkSIQoEcG9zZRgDIAEo",
-            "CzIRLmtlcmYudjEuVG9vbFBvc2VIABIhCgRsaWZ0GAQgASgLMhEua2VyZi52",
-            "MS5MaWZ0VG9vbEgAQggKBm1vdGlvbiKTAQoQU2VuZFBvc2VSZXNwb25zZRIN",
-            "CgVsZWFzZRgBIAEoCRIhCgdjb250YWN0GAIgASgLMhAua2VyZi52MS5Db250",
-            "YWN0EicKCHJlamVjdGVkGAMgASgLMhUua2VyZi52MS5Qb3NlUmVqZWN0ZWQS",
-            "JAoFc3RhdGUYBCABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZSrPAQoLQ29u",
-            "dGFjdEZsYWcSHAoYQ09OVEFDVF9GTEFHX1VOU1BFQ0lGSUVEEAASFwoTQ09O",
-            "VEFDVF9GTEFHX0xJRlRFRBABEhoKFkNPTlRBQ1RfRkxBR19SRUVOVEVSRUQQ",
-            "AhIVChFDT05UQUNUX0ZMQUdfTEFURRAEEhgKFENPTlRBQ1RfRkxBR19IT0xE",
-            "SU5HEAgSGAoUQ09OVEFDVF9GTEFHX1NMSVBQRUQQEBIiCh5DT05UQUNUX0ZM",
-            "QUdfV0FJVFNfVU5USUxfQ0xFQVIQICqcAQoPTGVhc2VMb3N0UmVhc29uEiEK",
-            "HUxFQVNFX0xPU1RfUkVBU09OX1VOU1BFQ0lGSUVEEAASHQoZTEVBU0VfTE9T",
-            "VF9SRUFTT05fU0lMRU5DRRABEiUKIUxFQVNFX0xPU1RfUkVBU09OX1NFU1NJ",
-            "T05fQ0xPU0lORxACEiAKHExFQVNFX0xPU1RfUkVBU09OX1RBS0VOX09WRVIQ",
-            "AzKTAQoOQ29udHJvbFNlcnZpY2USQAoHQ29udHJvbBIXLmtlcmYudjEuQ29u",
-            "dHJvbFJlcXVlc3QaGC5rZXJmLnYxLkNvbnRyb2xSZXNwb25zZSgBMAESPwoI",
-            "U2VuZFBvc2USGC5rZXJmLnYxLlNlbmRQb3NlUmVxdWVzdBoZLmtlcmYudjEu",
-            "U2VuZFBvc2VSZXNwb25zZWIGcHJvdG8z"));
+            "KAESEgoKY2xpZW50X2tleRgHIAEoCRIWCg53aXRob3V0X21vZGVscxgIIAEo",
+            "CCKgAQoLU2VydmVySGVsbG8SGAoQcHJvdG9jb2xfdmVyc2lvbhgBIAEoDRIf",
+            "CgZsaW1pdHMYAiABKAsyDy5rZXJmLnYxLkxpbWl0cxIkCgVzY2VuZRgDIAEo",
+            "CzIVLmtlcmYudjEuU2NlbmVTdW1tYXJ5EhcKD2NvbnRhY3RfcmF0ZV9oehgE",
+            "IAEoARIXCg9zZXJ2ZXJfaW5zdGFuY2UYBSABKAkiiwEKCFRvb2xQb3NlEg8K",
+            "B3Rvb2xfaWQYASABKA0SCwoDc2VxGAIgASgEEhEKCWNsaWVudF9ucxgDIAEo",
+            "BBIbCgRwb3NlGAQgASgLMg0ua2VyZi52MS5Qb3NlEg8KB2J1dHRvbnMYBSAB",
+            "KA0SFAoHb3BlbmluZxgGIAEoAkgAiAEBQgoKCF9vcGVuaW5nIhsKCExpZnRU",
+            "b29sEg8KB3Rvb2xfaWQYASABKA0ivQIKB0NvbnRhY3QSDwoHdG9vbF9pZBgB",
+            "IAEoDRIMCgRzdGVwGAIgASgEEhIKCnNpbV90aW1lX3MYAyABKAESEAoIZWNo",
+            "b19zZXEYBCABKAQSDwoHZWNob19ucxgFIAEoBBIfCgZ3cmVuY2gYBiABKAsy",
+            "Dy5rZXJmLnYxLldyZW5jaBIkCgVtb2RlbBgHIAEoCzIVLmtlcmYudjEuQ29u",
+            "dGFjdE1vZGVsEhgKEGN1dHRpbmdfbGVuZ3RoX20YCCABKAISDQoFZmxhZ3MY",
+            "CSABKA0SDgoGbnVtYmVyGAogASgEEhEKCXNlcnZlcl9ucxgLIAEoBBIXCg9l",
+            "Y2hvX2Fycml2ZWRfbnMYDCABKAQSDgoGbGFnX25zGA0gASgEEiAKCXJlZmVy",
+            "ZW5jZRgOIAEoCzINLmtlcmYudjEuUG9zZSKPAwoMQ29udGFjdE1vZGVsEiAK",
+            "CXJlZmVyZW5jZRgBIAEoCzINLmtlcmYudjEuUG9zZRIRCglzdGlmZm5lc3MY",
+            "AiADKAISGQoRZGFtcGluZ19uX3NfcGVyX20YAyABKAISGAoLZm9yY2VfY2Fw",
+            "X24YBCABKAJIAIgBARIkCg1jYXBfZGlyZWN0aW9uGAUgASgLMg0ua2VyZi52",
+            "MS5WZWMzEhkKEXZhbGlkaXR5X3JhZGl1c19tGAYgASgCEg8KB2RhbXBpbmcY",
+            "ByADKAISJwoQdmVsb2NpdHlfbV9wZXJfcxgIIAEoCzINLmtlcmYudjEuVmVj",
+            "MxIxChphbmd1bGFyX3ZlbG9jaXR5X3JhZF9wZXJfcxgJIAEoCzINLmtlcmYu",
+            "djEuVmVjMxIUCgxibGVuZF90aW1lX3MYCiABKAISFwoKZ2l2ZXNfYXRfbhgL",
+            "IAEoAkgBiAEBEhkKEWZvcmNlX2NhcF9naXZlbl9uGAwgASgCQg4KDF9mb3Jj",
+            "ZV9jYXBfbkINCgtfZ2l2ZXNfYXRfbiJKCgxQb3NlUmVqZWN0ZWQSDwoHdG9v",
+            "bF9pZBgBIAEoDRILCgNzZXEYAiABKAQSDQoFZmllbGQYAyABKAkSDQoFbGlt",
+            "aXQYBCABKAkiRgoJTGVhc2VMb3N0Eg8KB3Rvb2xfaWQYASABKA0SKAoGcmVh",
+            "c29uGAIgASgOMhgua2VyZi52MS5MZWFzZUxvc3RSZWFzb24ihAEKD1NlbmRQ",
+            "b3NlUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEg0KBWxlYXNlGAIgASgJ",
+            "EiEKBHBvc2UYAyABKAsyES5rZXJmLnYxLlRvb2xQb3NlSAASIQoEbGlmdBgE",
+            "IAEoCzIRLmtlcmYudjEuTGlmdFRvb2xIAEIICgZtb3Rpb24ikwEKEFNlbmRQ",
+            "b3NlUmVzcG9uc2USDQoFbGVhc2UYASABKAkSIQoHY29udGFjdBgCIAEoCzIQ",
+            "LmtlcmYudjEuQ29udGFjdBInCghyZWplY3RlZBgDIAEoCzIVLmtlcmYudjEu",
+            "UG9zZVJlamVjdGVkEiQKBXN0YXRlGAQgASgOMhUua2VyZi52MS5TZXNzaW9u",
+            "U3RhdGUqzwEKC0NvbnRhY3RGbGFnEhwKGENPTlRBQ1RfRkxBR19VTlNQRUNJ",
+            "RklFRBAAEhcKE0NPTlRBQ1RfRkxBR19MSUZURUQQARIaChZDT05UQUNUX0ZM",
+            "QUdfUkVFTlRFUkVEEAISFQoRQ09OVEFDVF9GTEFHX0xBVEUQBBIYChRDT05U",
+            "QUNUX0ZMQUdfSE9MRElORxAIEhgKFENPTlRBQ1RfRkxBR19TTElQUEVEEBAS",
+            "IgoeQ09OVEFDVF9GTEFHX1dBSVRTX1VOVElMX0NMRUFSECAqnAEKD0xlYXNl",
+            "TG9zdFJlYXNvbhIhCh1MRUFTRV9MT1NUX1JFQVNPTl9VTlNQRUNJRklFRBAA",
+            "Eh0KGUxFQVNFX0xPU1RfUkVBU09OX1NJTEVOQ0UQARIlCiFMRUFTRV9MT1NU",
+            "X1JFQVNPTl9TRVNTSU9OX0NMT1NJTkcQAhIgChxMRUFTRV9MT1NUX1JFQVNP",
+            "Tl9UQUtFTl9PVkVSEAMykwEKDkNvbnRyb2xTZXJ2aWNlEkAKB0NvbnRyb2wS",
+            "Fy5rZXJmLnYxLkNvbnRyb2xSZXF1ZXN0Ghgua2VyZi52MS5Db250cm9sUmVz",
+            "cG9uc2UoATABEj8KCFNlbmRQb3NlEhgua2VyZi52MS5TZW5kUG9zZVJlcXVl",
+            "c3QaGS5rZXJmLnYxLlNlbmRQb3NlUmVzcG9uc2ViBnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.ContactFlag), typeof(global::Kerf.V1.LeaseLostReason), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -95,11 +96,11 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ControlResponse), global::Kerf.V1.ControlResponse.Parser, new[]{ "Hello", "Contact", "Rejected", "LeaseLost", "Fault", "ToleranceChanged", "CheckpointRestored", "Event" }, new[]{ "Message" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CheckpointRestored), global::Kerf.V1.CheckpointRestored.Parser, new[]{ "Step", "Name" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToleranceChanged), global::Kerf.V1.ToleranceChanged.Parser, new[]{ "Step", "RelativeTolerance" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ClientHello), global::Kerf.V1.ClientHello.Parser, new[]{ "ProtocolVersion", "SessionId", "ToolIds", "ContactRateHz", "ContactDeadband", "ContactKeepAliveS", "ClientKey" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ClientHello), global::Kerf.V1.ClientHello.Parser, new[]{ "ProtocolVersion", "SessionId", "ToolIds", "ContactRateHz", "ContactDeadband", "ContactKeepAliveS", "ClientKey", "WithoutModels" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ServerHello), global::Kerf.V1.ServerHello.Parser, new[]{ "ProtocolVersion", "Limits", "Scene", "ContactRateHz", "ServerInstance" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolPose), global::Kerf.V1.ToolPose.Parser, new[]{ "ToolId", "Seq", "ClientNs", "Pose", "Buttons", "Opening" }, new[]{ "Opening" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LiftTool), global::Kerf.V1.LiftTool.Parser, new[]{ "ToolId" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Contact), global::Kerf.V1.Contact.Parser, new[]{ "ToolId", "Step", "SimTimeS", "EchoSeq", "EchoNs", "Wrench", "Model", "CuttingLengthM", "Flags", "Number", "ServerNs", "EchoArrivedNs", "LagNs" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Contact), global::Kerf.V1.Contact.Parser, new[]{ "ToolId", "Step", "SimTimeS", "EchoSeq", "EchoNs", "Wrench", "Model", "CuttingLengthM", "Flags", "Number", "ServerNs", "EchoArrivedNs", "LagNs", "Reference" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ContactModel), global::Kerf.V1.ContactModel.Parser, new[]{ "Reference", "Stiffness", "DampingNSPerM", "ForceCapN", "CapDirection", "ValidityRadiusM", "Damping", "VelocityMPerS", "AngularVelocityRadPerS", "BlendTimeS", "GivesAtN", "ForceCapGivenN" }, new[]{ "ForceCapN", "GivesAtN" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.PoseRejected), global::Kerf.V1.PoseRejected.Parser, new[]{ "ToolId", "Seq", "Field", "Limit" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LeaseLost), global::Kerf.V1.LeaseLost.Parser, new[]{ "ToolId", "Reason" }, null, null, null, null),
@@ -1710,6 +1711,7 @@ namespace Kerf.V1 {
       contactDeadband_ = other.contactDeadband_;
       contactKeepAliveS_ = other.contactKeepAliveS_;
       clientKey_ = other.clientKey_;
+      withoutModels_ = other.withoutModels_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -1783,7 +1785,7 @@ namespace Kerf.V1 {
     private double contactDeadband_;
     /// <summary>
     /// Share of the force that a hand does not notice, 0 to 0.5: a contact is left out while the one before predicts its
-    /// force, where the tool is now, better than this. 0: none is.
+    /// force, where the tool is now, better than this; one without a model predicts that the force stays as it is. 0: none is.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -1825,6 +1827,22 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "without_models" field.</summary>
+    public const int WithoutModelsFieldNumber = 8;
+    private bool withoutModels_;
+    /// <summary>
+    /// Whether the client renders no forces from models: its contacts have Contact.reference in the place of Contact.model, at
+    /// the same rate, and no step makes a model for its tools. False: they have models.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool WithoutModels {
+      get { return withoutModels_; }
+      set {
+        withoutModels_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -1847,6 +1865,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactDeadband, other.ContactDeadband)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactKeepAliveS, other.ContactKeepAliveS)) return false;
       if (ClientKey != other.ClientKey) return false;
+      if (WithoutModels != other.WithoutModels) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -1861,6 +1880,7 @@ namespace Kerf.V1 {
       if (ContactDeadband != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactDeadband);
       if (ContactKeepAliveS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactKeepAliveS);
       if (ClientKey.Length != 0) hash ^= ClientKey.GetHashCode();
+      if (WithoutModels != false) hash ^= WithoutModels.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -1904,6 +1924,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(58);
         output.WriteString(ClientKey);
       }
+      if (WithoutModels != false) {
+        output.WriteRawTag(64);
+        output.WriteBool(WithoutModels);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -1939,6 +1963,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(58);
         output.WriteString(ClientKey);
       }
+      if (WithoutModels != false) {
+        output.WriteRawTag(64);
+        output.WriteBool(WithoutModels);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -1967,6 +1995,9 @@ namespace Kerf.V1 {
       }
       if (ClientKey.Length != 0) {
         size += 1 + pb::CodedOutputStream.ComputeStringSize(ClientKey);
+      }
+      if (WithoutModels != false) {
+        size += 1 + 1;
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -1998,6 +2029,9 @@ namespace Kerf.V1 {
       }
       if (other.ClientKey.Length != 0) {
         ClientKey = other.ClientKey;
+      }
+      if (other.WithoutModels != false) {
+        WithoutModels = other.WithoutModels;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -2043,6 +2077,10 @@ namespace Kerf.V1 {
             ClientKey = input.ReadString();
             break;
           }
+          case 64: {
+            WithoutModels = input.ReadBool();
+            break;
+          }
         }
       }
     #endif
@@ -2085,6 +2123,10 @@ namespace Kerf.V1 {
           }
           case 58: {
             ClientKey = input.ReadString();
+            break;
+          }
+          case 64: {
+            WithoutModels = input.ReadBool();
             break;
           }
         }
@@ -3133,6 +3175,7 @@ namespace Kerf.V1 {
       serverNs_ = other.serverNs_;
       echoArrivedNs_ = other.echoArrivedNs_;
       lagNs_ = other.lagNs_;
+      reference_ = other.reference_ != null ? other.reference_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -3193,7 +3236,7 @@ namespace Kerf.V1 {
     /// <summary>
     /// `seq` of the newest pose that the step has used; 0 before the first. No step moves a tool faster than
     /// Limits.max_tool_speed_m_per_s: behind a pose that it has not reached the tool catches up in the next steps, and
-    /// ContactModel.reference says where it is.
+    /// ContactModel.reference, or `reference`, says where it is.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3223,7 +3266,7 @@ namespace Kerf.V1 {
     public const int WrenchFieldNumber = 6;
     private global::Kerf.V1.Wrench wrench_;
     /// <summary>
-    /// Wrench on the tool at the model's reference pose. Required; zero where nothing is touched.
+    /// Wrench on the tool at ContactModel.reference, or at `reference`. Required; zero where nothing is touched.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3238,7 +3281,8 @@ namespace Kerf.V1 {
     public const int ModelFieldNumber = 7;
     private global::Kerf.V1.ContactModel model_;
     /// <summary>
-    /// Present on a stream while the tool touches tissue; a SendPoseResponse has none.
+    /// Present on a stream while the tool touches tissue. Absent on one of ClientHello.without_models, with all that a model
+    /// says (stiffness, damping, cap, validity), and in a SendPoseResponse.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3342,6 +3386,22 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "reference" field.</summary>
+    public const int ReferenceFieldNumber = 14;
+    private global::Kerf.V1.Pose reference_;
+    /// <summary>
+    /// Tool pose that the wrench belongs to, on a stream of ClientHello.without_models while the tool is in the scene. Else
+    /// absent: ContactModel.reference has it.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.Pose Reference {
+      get { return reference_; }
+      set {
+        reference_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -3370,6 +3430,7 @@ namespace Kerf.V1 {
       if (ServerNs != other.ServerNs) return false;
       if (EchoArrivedNs != other.EchoArrivedNs) return false;
       if (LagNs != other.LagNs) return false;
+      if (!object.Equals(Reference, other.Reference)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -3390,6 +3451,7 @@ namespace Kerf.V1 {
       if (ServerNs != 0UL) hash ^= ServerNs.GetHashCode();
       if (EchoArrivedNs != 0UL) hash ^= EchoArrivedNs.GetHashCode();
       if (LagNs != 0UL) hash ^= LagNs.GetHashCode();
+      if (reference_ != null) hash ^= Reference.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -3460,6 +3522,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(104);
         output.WriteUInt64(LagNs);
       }
+      if (reference_ != null) {
+        output.WriteRawTag(114);
+        output.WriteMessage(Reference);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -3522,6 +3588,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(104);
         output.WriteUInt64(LagNs);
       }
+      if (reference_ != null) {
+        output.WriteRawTag(114);
+        output.WriteMessage(Reference);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -3570,6 +3640,9 @@ namespace Kerf.V1 {
       }
       if (LagNs != 0UL) {
         size += 1 + pb::CodedOutputStream.ComputeUInt64Size(LagNs);
+      }
+      if (reference_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Reference);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -3627,6 +3700,12 @@ namespace Kerf.V1 {
       }
       if (other.LagNs != 0UL) {
         LagNs = other.LagNs;
+      }
+      if (other.reference_ != null) {
+        if (reference_ == null) {
+          Reference = new global::Kerf.V1.Pose();
+        }
+        Reference.MergeFrom(other.Reference);
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -3701,6 +3780,13 @@ namespace Kerf.V1 {
             LagNs = input.ReadUInt64();
             break;
           }
+          case 114: {
+            if (reference_ == null) {
+              Reference = new global::Kerf.V1.Pose();
+            }
+            input.ReadMessage(Reference);
+            break;
+          }
         }
       }
     #endif
@@ -3772,6 +3858,13 @@ namespace Kerf.V1 {
           }
           case 104: {
             LagNs = input.ReadUInt64();
+            break;
+          }
+          case 114: {
+            if (reference_ == null) {
+              Reference = new global::Kerf.V1.Pose();
+            }
+            input.ReadMessage(Reference);
             break;
           }
         }
