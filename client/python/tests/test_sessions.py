@@ -48,6 +48,13 @@ def test_a_session_in_real_time_is_paused_stepped_resumed_and_driven(client):
         with session.control("left", contact_rate_hz=100.0) as control:
             contacts = control.play([0.0, 0.3], down())
             assert max(contact.force_n[1] for contact in contacts) > 0.05
+            # Only contacts without models say where the tool is.
+            poses = np.array([contact.pose for contact in contacts if not contact.flags & kerf.ContactFlags.LIFTED])
+            heights_m = poses[:, 1]
+            assert len(poses) > 10
+            assert (np.diff(heights_m) <= 0.0).all()
+            assert np.ptp(heights_m) > 0.01
+            assert poses[-1, [0, 2, 6]] == pytest.approx([0.0, 4e-4, 1.0])
             assert session.describe().driven_tools == (0,)
             with pytest.raises(kerf.FailedPreconditionError):
                 session.control("left")

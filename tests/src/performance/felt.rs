@@ -15,7 +15,7 @@ pub fn section(_plots: &Path) -> Result<String> {
     let mut text = String::from(
         "\n## What a driver that feels costs\n\nThe liver at 1 kHz, one thread, with a model of the blade's contact so many \
          times a second. A model is made of a few iterations of the solve ([contact model](contact-model.md)); they end early where \
-         the tissue is as it was. A session without a driver on a control stream makes none.\n\n| models, Hz | mean of a model while \
+         the tissue is as it was. A driver that renders no forces, as Python's, is made none.\n\n| models, Hz | mean of a model while \
          the blade touches, ms | its 95th percentile | of the time of all steps | whole step, mean, ms |\n|---|---|---|---|---|\n",
     );
     let scene = builtin("liver")?;

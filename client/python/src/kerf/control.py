@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from kerf.errors import DeadlineError, KerfError, PoseRejectedError, UnavailableError
 from kerf.model import ContactFlags, Floats, xyz
-from kerf.motion import Placement, Track, poses_array, write_pose
+from kerf.motion import Placement, Track, poses_array, read_pose, write_pose
 from kerf.rpc import PROTOCOL_VERSION, Following
 from kerf.v1 import control_pb2 as pb
 
@@ -40,6 +40,8 @@ class Contact:
     torque_nm: Floats
     cutting_length_m: float
     flags: ContactFlags
+    #: Where the tool was, its reference point in metres, then a quaternion x, y, z, w; NaN while it is lifted. (7,)
+    pose: Floats
 
 
 class Control:
@@ -54,6 +56,8 @@ class Control:
             session_id=session_id,
             tool_ids=list(tools),
             contact_rate_hz=contact_rate_hz,
+            # A contact has nothing of them, and they take much of a step.
+            without_models=True,
         )
         self._outgoing: queue.SimpleQueue[pb.ControlRequest | None] = queue.SimpleQueue()
         self._outgoing.put(pb.ControlRequest(hello=hello))
@@ -180,6 +184,7 @@ class Control:
                 torque_nm=xyz(told.wrench.torque_nm),
                 cutting_length_m=told.cutting_length_m,
                 flags=ContactFlags(told.flags),
+                pose=read_pose(told.reference) if told.HasField("reference") else np.full(7, np.nan),
             )
             self._outgoing.put(pb.ControlRequest(received=told.number))
         elif kind == "rejected":

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from kerf.errors import InvalidArgumentError
 from kerf.model import Floats
-from kerf.v1 import control_pb2, session_pb2
+from kerf.v1 import control_pb2, session_pb2, types_pb2
 
 #: Columns of an array of poses, as in the files of scripted tools.
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
@@ -117,6 +117,12 @@ def write_pose(message: control_pb2.ToolPose, tool: int, placement: Placement) -
     message.tool_id, message.opening = tool, placement.opening
     at, turned = message.pose.position_m, message.pose.orientation
     at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w = np.asarray(placement.pose).tolist()
+
+
+def read_pose(message: types_pb2.Pose) -> Floats:
+    """A pose as the wire states it."""
+    at, turned = message.position_m, message.orientation
+    return np.array([at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w])
 
 
 def write_motions(message: session_pb2.StepInput, motions: dict[int, Motion]) -> None:
