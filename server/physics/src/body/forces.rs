@@ -13,8 +13,6 @@ use wide::f64x4;
 
 /// Of copies of rotations: 3 us a chunk.
 const ROTATION_GRAIN: Grain = Grain { chunk: BLOCKS_PER_CHUNK, least: 8 };
-/// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
-const STIFFENING_THRESHOLD: f64 = 0.02;
 /// The smoothers' diagonal blocks stay until some element may have turned by this since: inside a body of
 /// one material they hardly depend on rotations.
 const MOST_TURNED_RAD: f64 = 0.1;
@@ -105,8 +103,7 @@ impl Body {
         let dt = f64x4::splat(dt_s);
         let mass_factor = f64x4::ONE + dt * block.alpha_per_s;
         let stiffness_factor = dt * (dt + block.beta_s);
-        let stiffening = state.stiffening - f64x4::ONE;
-        let active = stiffening.simd_gt(f64x4::splat(STIFFENING_THRESHOLD));
+        let [rise, curvature] = state.stiffening_of_matrix();
         let branch_factor = block.viscosity.as_ref().map(|v| dt * dt * v.tangent());
         let geometric: [_; LANES] =
             std::array::from_fn(|lane| written[lane].then(|| self.geometric_stiffness(first + lane)).flatten());
@@ -114,9 +111,8 @@ impl Body {
         for_packed(|index, row, column| {
             let mut k = block.stiffness.entry(index);
             if let Some(data) = &block.stiffening {
-                let rises = stiffening * data.galerkin.entry(index)
-                    + state.curvature * state.galerkin_force_n[row] * state.galerkin_force_n[column];
-                k = active.bitselect(k + rises, k);
+                k += rise * data.galerkin.entry(index);
+                k += curvature * state.galerkin_force_n[row] * state.galerkin_force_n[column];
             }
             packed[index] = stiffness_factor * k;
             if let Some(factor) = branch_factor {
@@ -130,7 +126,7 @@ impl Body {
                 }
             }
         });
-        let applied = active.bitselect(f64x4::ONE + stiffening, f64x4::ONE).to_array();
+        let applied = (f64x4::ONE + rise).to_array();
         for lane in (0..LANES).filter(|lane| written[*lane]) {
             self.solver.applied_stiffening[first + lane] = applied[lane];
         }
@@ -156,11 +152,11 @@ impl Body {
         self.solver.unsmoothed += self.follow_stress();
         if self.solver.blocks.iter().any(|b| b.stiffening.is_some()) {
             for block in 0..self.state.elements.len() {
-                let stiffening = self.state.elements[block].stiffening.to_array();
+                let rise = self.state.elements[block].stiffening_of_matrix()[0].to_array();
                 let applied = self.solver.applied_stiffening[block * LANES..].iter().take(LANES);
                 let mut written = [false; LANES];
                 for (lane, applied) in applied.enumerate() {
-                    written[lane] = stiffening[lane] - 1.0 > STIFFENING_THRESHOLD || *applied != 1.0;
+                    written[lane] = rise[lane] > 0.0 || *applied != 1.0;
                 }
                 if written.contains(&true) {
                     self.write_matrices(block, written);

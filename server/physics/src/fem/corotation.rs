@@ -21,6 +21,9 @@ use wide::{f32x4, f64x4};
 /// even as a parabola, one linearised step no longer bounds the energy.)
 const LINEAR_BEYOND: f64 = 6.0;
 
+/// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
+const STIFFENING_THRESHOLD: f64 = 0.02;
+
 /// Below this the power series of [`excess_series`] is exact to rounding: its first missing term, over the sum, is
 /// `2 z^7 / 9!` = 1e-16.
 const SERIES_BELOW: f64 = 0.03;
@@ -247,14 +250,16 @@ impl ElementBlock {
         Some(on_ground_n)
     }
 
-    /// `K' v` in the rest frame of each element, from the products with v.
+    /// `K' v` in the rest frame of each element, from the products with v; K where K' is so near it that the system's
+    /// matrix has K.
     #[inline(always)]
     fn tangent(&self, state: &ElementState, local: &[f64x4; 24], products: &Products) -> [f64x4; 24] {
         let mut kv = products.k;
         if let Some(g) = &products.g {
-            let along = state.curvature * lanes::dot(&state.galerkin_force_n, local);
+            let [rise, curvature] = state.stiffening_of_matrix();
+            let along = curvature * lanes::dot(&state.galerkin_force_n, local);
             for i in 0..24 {
-                kv[i] = (state.stiffening - f64x4::ONE).mul_add(g[i], kv[i]);
+                kv[i] = rise.mul_add(g[i], kv[i]);
                 kv[i] = along.mul_add(state.galerkin_force_n[i], kv[i]);
             }
         }
@@ -296,6 +301,17 @@ impl ElementBlock {
             damping_j: dt * (f64x4::splat(2.0) * self.alpha_per_s * kinetic_j + self.beta_s * vkv),
             viscous_j: f64x4::ZERO,
         }
+    }
+}
+
+impl ElementState {
+    /// `psi' - 1` and `psi''` as the system's matrix has them: 0 where `psi' - 1` is at most [`STIFFENING_THRESHOLD`].
+    #[inline(always)]
+    #[must_use]
+    pub fn stiffening_of_matrix(&self) -> [f64x4; 2] {
+        let rise = self.stiffening - f64x4::ONE;
+        let is_stiffer = rise.simd_gt(f64x4::splat(STIFFENING_THRESHOLD));
+        [rise, self.curvature].map(|v| is_stiffer.bitselect(v, f64x4::ZERO))
     }
 }
 
