@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint lint-rust lint-clients tools publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance compare peers load load-page fuzz lives worlds soak deny advisories deb sbom image-archives wheel release-files checksums release-notes
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint lint-rust lint-clients tools publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance compare peers load load-page fuzz fuzz-guided lives worlds soak deny advisories deb sbom image-archives wheel release-files checksums release-notes
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -176,6 +176,23 @@ fuzz: $(if $(NPM),client/web/node_modules)
 	$(if $(NPM),cd client/web && FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) npm test --silent -- test/fuzz.test.ts)
 	@FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) client/python/check.sh fuzzing pytest --quiet tests/test_fuzz.py
 	@FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) client/unity/Tests~/run.sh fuzz
+
+# The readers of files, views and poses under libFuzzer, which keeps what reaches new code: each for FUZZ_SECONDS, or the one that FUZZ
+# names. It needs a C++ compiler. An input that fails is written to target/fuzz/found; FUZZ_INPUT=<file> reads it once more.
+FUZZ_TARGETS := $(basename $(notdir $(wildcard tests/fuzz/fuzz_targets/*.rs)))
+FUZZ_INPUT ?=
+GUIDED := --release --package kerf-fuzz --features libfuzzer
+fuzz-guided:
+	cargo --config tests/fuzz/guided.toml build $(GUIDED) $(if $(FUZZ),--bin $(FUZZ),--bins)
+	mkdir -p target/fuzz/found
+	grep -oE '`[a-z_0-9]+`' docs/reference/scene-fields.md | sort -u | tr '`' '"' > target/fuzz/scene.dict
+	@ulimit -v 8388608; failed=; for target in $(or $(FUZZ),$(FUZZ_TARGETS)); do \
+		mkdir -p target/fuzz/corpus/$$target target/fuzz/seeds/$$target; \
+		FUZZ_SEEDS=target/fuzz/seeds/$$target cargo --config tests/fuzz/guided.toml run --quiet $(GUIDED) --bin $$target -- \
+			-max_total_time=$(FUZZ_SECONDS) -seed=$(FUZZ_SEED) -timeout=20 -rss_limit_mb=2048 -print_final_stats=1 \
+			-artifact_prefix=target/fuzz/found/$$target- $$(test $$target != scene || echo -dict=target/fuzz/scene.dict) \
+			$(or $(FUZZ_INPUT),target/fuzz/corpus/$$target target/fuzz/seeds/$$target) || failed="$$failed $$target"; \
+	done; test -z "$$failed" || { echo "Failed:$$failed"; exit 1; }
 
 # The same strokes give the same bits in the tests' profile, in release and, where the machine has it, with AVX-512.
 same-bits:

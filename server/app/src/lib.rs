@@ -39,8 +39,9 @@ pub mod serve;
 mod shutdown;
 pub mod simulate;
 
-/// Structure and states as viewers get them over the wire.
+/// Structure and states as viewers get them over the wire, and steps as they are asked for.
 pub mod wire {
+    pub use crate::convert::stepping::steps;
     pub use crate::convert::view::{keyframe, patch};
     pub use crate::encode::{EncodedState, Encoder, Encoding, HeldReference};
 }

@@ -9,6 +9,7 @@ use std::time::Duration;
 use kerf_proto::PROTOCOL_VERSION;
 use kerf_proto::codec::{StrictCodec, StrictDecoder};
 use kerf_proto::v1::{self, control_request, control_response, send_pose_request};
+use kerf_system_tests::readers::messages::messages_of;
 use proptest::prelude::*;
 use proptest::sample::select;
 use prost::Message;
@@ -22,7 +23,7 @@ use tonic::{Code, Request, Status};
 use tonic_types::StatusExt;
 
 use super::changes::{Change, changes};
-use super::{changed, fuzz_made, messages_of};
+use super::{changed, fuzz_made};
 use crate::grpc::harness::{Harness, soon};
 
 /// What inputs call the session that is driven and the one beside it, whose ids differ from run to run, and the lease of the

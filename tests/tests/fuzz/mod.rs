@@ -2,7 +2,7 @@
 //! takes memory without bounds.
 //!
 //! Inputs are those of `tests/corpus` and of a session, changed at random. Each target is fuzzed for a moment here, and by
-//! `make fuzz` for as long as one likes.
+//! `make fuzz` for as long as one likes; `make fuzz-guided` gives the same readers to libFuzzer.
 
 mod changes;
 mod control;
@@ -18,6 +18,7 @@ use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 
 use changes::{Change, change, changes};
+use kerf_system_tests::readers::Reader;
 
 /// Longest that an input may take, on a busy machine. Files take milliseconds.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -31,8 +32,13 @@ fn seconds() -> f64 {
     std::env::var("FUZZ_SECONDS").map_or(2.0, |text| text.parse().expect("FUZZ_SECONDS is a number"))
 }
 
-/// Reads inputs of the corpus, and then changed ones until the time is over.
-fn fuzz(target: &str, corpus: &[Vec<u8>], read: impl Fn(&[u8])) {
+/// Gives a reader the inputs that it has, and then changed ones until the time is over.
+fn fuzz(reader: &Reader) {
+    fuzz_from(reader.name, &(reader.seeds)(), reader.read);
+}
+
+/// Reads inputs of a corpus, and then changed ones until the time is over.
+fn fuzz_from(target: &str, corpus: &[Vec<u8>], read: impl Fn(&[u8])) {
     corpus.iter().for_each(|input| read(input));
     let strategy = (any::<prop::sample::Index>(), prop::collection::vec(changes(), 1..=MAX_CHANGES));
     fuzz_made(target, &strategy, |(input, changes)| changed(input.get(corpus).clone(), &changes, corpus), read);
@@ -76,34 +82,4 @@ fn kept(target: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fuzz");
     std::fs::create_dir_all(&folder).expect("a folder for inputs");
     folder.join(target)
-}
-
-/// The files of `tests/corpus` whose names end so.
-fn corpus(extension: &str) -> Vec<Vec<u8>> {
-    inputs_of("corpus", extension)
-}
-
-/// The files of a folder whose names end so.
-fn inputs_of(folder: &str, extension: &str) -> Vec<Vec<u8>> {
-    paths_of(folder, extension).iter().map(|path| std::fs::read(path).expect("readable")).collect()
-}
-
-fn paths_of(folder: &str, extension: &str) -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
-    let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
-    let mut paths: Vec<_> = entries.filter(|path| path.to_string_lossy().ends_with(extension)).collect();
-    paths.sort();
-    assert!(!paths.is_empty(), "no {extension} there");
-    paths
-}
-
-/// The messages of a file, each behind its length; of one that ends too soon what there is.
-fn messages_of(mut file: &[u8]) -> Vec<&[u8]> {
-    let mut messages = Vec::new();
-    while let Some((length, rest)) = file.split_first_chunk::<4>() {
-        let (message, rest) = rest.split_at(rest.len().min(u32::from_le_bytes(*length) as usize));
-        messages.push(message);
-        file = rest;
-    }
-    messages
 }

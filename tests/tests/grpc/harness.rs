@@ -13,15 +13,13 @@ use kerf_replica::Assembler;
 use kerf_server::config::ServerConfig;
 use kerf_server::serve::Server;
 use kerf_session::{Reel, SessionOptions};
+pub use kerf_system_tests::readers::BLOCK;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status, Streaming};
-
-/// The scene that sessions are tested on.
-pub const BLOCK: &str = include_str!("../../../server/session/tests/block.toml");
 
 /// Longer than anything here takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(60);
