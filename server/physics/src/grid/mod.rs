@@ -181,7 +181,9 @@ impl Grid {
         self.cells = Arc::clone(&like.cells);
         self.places = PartedPlaces::none(LINKS_OF_CELL * self.cells.signed_distance_m.len());
         for (link, crossing) in std::mem::take(&mut *self.parted) {
-            if !self.part(link, crossing) {
+            // Of a link that no lattice has the upper end cannot even be asked for.
+            let is_in_box = link.axis < 3 && self.slot(link.cell).is_some();
+            if !is_in_box || !self.part(link, crossing) {
                 return Err(WalkError::new(format!("{link:?} is parted, and no link of the object")));
             }
         }
@@ -412,5 +414,26 @@ impl Cells {
 
     fn voxel_at(&self, cell: Ijk) -> Option<VoxelId> {
         self.filled.rank(self.slot(cell)?).map(VoxelId)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parted_links_that_the_object_does_not_have_are_refused() {
+        let voxels = [0, 1].map(|i| Voxel { ijk: [i, 0, 0], material: 0 });
+        let crossing = Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
+        let whole = Grid::new(1.0, Vec3::zeros(), [2, 1, 1], voxels.to_vec(), |_| 0.0, |_| crossing);
+        let complete = |cell, axis| {
+            let mut read = whole.clone();
+            read.parted.push((LinkId { cell, axis }, crossing));
+            read.complete(&whole)
+        };
+        assert!(complete([0, 0, 0], 0).is_ok());
+        for (cell, axis) in [([1, 0, 0], 0), ([0, 0, 0], 3), ([0, 0, 0], 255), ([i32::MAX; 3], 0), ([i32::MIN; 3], 2)] {
+            assert!(complete(cell, axis).is_err(), "{cell:?}, axis {axis}");
+        }
     }
 }
