@@ -63,6 +63,12 @@ pub enum ReadError {
         /// The file, as the scene names it.
         name: String,
     },
+    /// A scene refers to more files than are read for one.
+    #[error("shapes and edges of the scene refer to files more than {limit} times, which is the limit")]
+    TooManyFiles {
+        /// That limit.
+        limit: usize,
+    },
     /// Values that are not supported.
     #[error("{}", problems.iter().map(|problem| line(name, problem)).collect::<Vec<_>>().join("\n"))]
     Invalid {

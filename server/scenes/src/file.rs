@@ -19,10 +19,16 @@ pub const MAX_SCENE_BYTES: u64 = 4 << 20;
 pub const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Largest file of an edge's points, bytes: more than as many points as an edge may have.
 pub const MAX_EDGE_BYTES: u64 = 1 << 20;
-/// Most voxels of a label map that was sent: 256 slices of 256 x 256, 32 MB.
+/// Most voxels of the label maps that were sent with a scene: 256 slices of 256 x 256, 32 MB.
 const MAX_SENT_LABEL_VOXELS: u64 = 1 << 24;
-/// Most numbers that a mesh that was sent may unpack to: some two million tetrahedra.
+/// Most numbers that the meshes that were sent with a scene may unpack to: some two million tetrahedra.
 const MAX_SENT_MESH_NUMBERS: u64 = 1 << 24;
+/// Voxels for each quad of the surfaces of label maps, of those that there may be: a solid's surface has far fewer. What a
+/// small file unpacks to may alternate from voxel to voxel, and a quad takes a hundred times the memory of a voxel.
+const VOXELS_PER_QUAD: u64 = 8;
+/// Most shapes and edges of a scene that files are read for, each of which takes seconds at the most: those of a segmentation
+/// of the whole body.
+const MAX_READ: usize = 256;
 /// How much of a name is repeated to who sent it.
 const MAX_NAME_CHARS: usize = 64;
 
@@ -52,20 +58,32 @@ impl Files<'_> {
         }
     }
 
-    /// Most voxels of a label map: what was sent is less to be trusted, and unpacked on a machine that others use.
-    fn max_label_voxels(&self) -> u64 {
-        match self {
-            Self::Beside(_) => label_map::MAX_VOXELS,
-            Self::Sent(_) => MAX_SENT_LABEL_VOXELS,
-        }
+    /// What they may unpack to: what was sent is less to be trusted, and unpacked on a machine that others use.
+    fn room(&self) -> Room {
+        let (voxels, numbers) = match self {
+            Self::Beside(_) => (label_map::MAX_VOXELS, mesh_file::MAX_NUMBERS),
+            Self::Sent(_) => (MAX_SENT_LABEL_VOXELS, MAX_SENT_MESH_NUMBERS),
+        };
+        Room { voxels, quads: voxels / VOXELS_PER_QUAD, numbers, reads: MAX_READ }
     }
+}
 
-    /// Most numbers of a mesh that is packed, for the same reason.
-    fn max_mesh_numbers(&self) -> u64 {
-        match self {
-            Self::Beside(_) => mesh_file::MAX_NUMBERS,
-            Self::Sent(_) => MAX_SENT_MESH_NUMBERS,
-        }
+/// What is left of what the files of a scene may unpack to, in all.
+struct Room {
+    /// Voxels of label maps.
+    voxels: u64,
+    /// Quads of their surfaces.
+    quads: u64,
+    /// Numbers of meshes that are packed.
+    numbers: u64,
+    /// Shapes and edges.
+    reads: usize,
+}
+
+impl Room {
+    fn take_read(&mut self) -> Result<(), ReadError> {
+        self.reads = self.reads.checked_sub(1).ok_or(ReadError::TooManyFiles { limit: MAX_READ })?;
+        Ok(())
     }
 }
 
@@ -146,16 +164,22 @@ pub fn from_text(name: &str, text: &str, files: &SentFiles) -> Result<SoundScene
 /// The scene with what the files hold that it refers to.
 fn with_files(mut opened: Opened, files: &Files<'_>) -> Result<Opened, ReadError> {
     let Scene { desc, meshes } = &mut opened.scene;
-    read_edges(desc, files)?;
+    let mut room = files.room();
+    read_edges(desc, files, &mut room)?;
     let mut label_maps = BTreeMap::new();
     for shape in desc.objects.iter().flat_map(|object| object.shapes()) {
         let Some(mesh) = shape.mesh().filter(|mesh| !meshes.contains_key(&mesh.key)) else { continue };
+        room.take_read()?;
         let read = match shape {
-            ShapeDesc::LabelMap { file, labels, .. } => read_labels(files, file, labels, &mut label_maps)?,
+            ShapeDesc::LabelMap { file, labels, .. } => read_labels(files, file, labels, &mut label_maps, &mut room)?,
             _ => {
                 let (path, bytes) = files.read(&mesh.key, MAX_MESH_BYTES)?;
-                let mesh = mesh_file::parse(&path, &bytes, files.max_mesh_numbers());
-                mesh.map_err(|message| ReadError::Mesh { path, message })?
+                let mesh = mesh_file::parse(&path, &bytes, room.numbers);
+                let mesh = mesh.map_err(|message| ReadError::Mesh { path, message })?;
+                // What a file has that is not packed is limited by its bytes: no format has a number in less than two.
+                let unpacked = 3 * (mesh.positions.len() + mesh.triangles.len()) as u64;
+                room.numbers = room.numbers.saturating_sub(unpacked.saturating_sub(bytes.len() as u64 / 2));
+                mesh
             }
         };
         meshes.insert(mesh.key, read);
@@ -174,10 +198,11 @@ pub fn read_mesh(path: &Path) -> Result<TriangleMesh, ReadError> {
 }
 
 /// Puts the points in the place of each edge that names a file: they are few, and the scene is whole then.
-fn read_edges(desc: &mut SceneDesc, files: &Files<'_>) -> Result<(), ReadError> {
+fn read_edges(desc: &mut SceneDesc, files: &Files<'_>, room: &mut Room) -> Result<(), ReadError> {
     for tool in &mut desc.tools {
         let ToolShapeDesc::Blade(blade) = &mut tool.shape else { continue };
         if let EdgeDesc::File { file, scale_m_per_unit } = &blade.edge {
+            room.take_read()?;
             let (path, bytes) = files.read(file, MAX_EDGE_BYTES)?;
             let points_m = edge_file::parse(&bytes, *scale_m_per_unit)
                 .map_err(|message| ReadError::Edge { path: path.clone(), message })?;
@@ -193,17 +218,23 @@ fn read_labels(
     file: &str,
     labels: &[u16],
     read_before: &mut BTreeMap<String, LabelMap>,
+    room: &mut Room,
 ) -> Result<TriangleMesh, ReadError> {
     let wrong = |message| ReadError::Mesh { path: file.into(), message };
     let map = match read_before.entry(file.to_owned()) {
         Entry::Occupied(known) => known.into_mut(),
         Entry::Vacant(new) => {
             let (path, bytes) = files.read(file, MAX_MESH_BYTES)?;
-            let map = label_map_file::parse(&bytes, files.max_label_voxels());
-            new.insert(map.map_err(|message| ReadError::Mesh { path, message })?)
+            let map = label_map_file::parse(&bytes, room.voxels);
+            let map = map.map_err(|message| ReadError::Mesh { path, message })?;
+            room.voxels -= map.labels.len() as u64;
+            new.insert(map)
         }
     };
-    label_surface::surface(map, labels).map_err(wrong)
+    let surface = label_surface::surface(map, labels, room.quads).map_err(wrong)?;
+    // Two triangles each.
+    room.quads -= surface.triangles.len() as u64 / 2;
+    Ok(surface)
 }
 
 fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ReadError> {
@@ -286,5 +317,47 @@ mod tests {
         let sent = SentFiles::from([("../a/b.obj".to_owned(), tetrahedron.into())]);
         let named = scene(r#"{ mesh = { file = "../a/b.obj", scale_m_per_unit = 0.1 } }"#);
         assert_eq!(from_text("x.toml", &named, &sent).unwrap().meshes["../a/b.obj"].triangles.len(), 4);
+    }
+
+    /// A map whose voxels are in and out by turns, in bytes; packed it would be a thousandth of that.
+    fn checkered(side: usize) -> Vec<u8> {
+        let mut bytes = vec![0; 352];
+        let mut put = |at: usize, little: &[u8]| bytes[at..at + little.len()].copy_from_slice(little);
+        put(0, &348i32.to_le_bytes());
+        put(344, b"n+1\0");
+        [3, side as i16, side as i16, side as i16]
+            .iter()
+            .enumerate()
+            .for_each(|(i, n)| put(40 + 2 * i, &n.to_le_bytes()));
+        put(70, &2i16.to_le_bytes());
+        put(108, &352.0f32.to_le_bytes());
+        [80, 84, 88].iter().for_each(|at| put(*at, &1.0f32.to_le_bytes()));
+        bytes.extend((0..side.pow(3)).map(|at| ((at + at / side + at / side / side) % 2) as u8));
+        bytes
+    }
+
+    #[test]
+    fn label_maps_are_limited_for_all_shapes_of_a_scene_together() {
+        let files = SentFiles::from(["a.nii", "b.nii"].map(|name| (name.to_owned(), checkered(8))));
+        // Room for one map and half another, and its 256 voxels of six quads and half of them once more.
+        let mut room = Room { voxels: 768, quads: 2304, numbers: 0, reads: 0 };
+        let mut maps = BTreeMap::new();
+        let mut read = |file, labels: &[u16]| read_labels(&Files::Sent(&files), file, labels, &mut maps, &mut room);
+        assert_eq!(read("a.nii", &[1]).unwrap().triangles.len(), 3072);
+        let refused = read("a.nii", &[1, 1]).unwrap_err().to_string();
+        assert!(refused.contains("768 quads"), "{refused}");
+        let refused = read("b.nii", &[1]).unwrap_err().to_string();
+        assert!(refused.contains("512 voxels are more than the limit of 256"), "{refused}");
+    }
+
+    #[test]
+    fn a_scene_refers_to_no_more_files_than_it_may_have() {
+        let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+        let files: SentFiles = (0..=MAX_READ).map(|index| (format!("{index}.obj"), corners.into())).collect();
+        let mesh = |index: usize| format!("{{ mesh = {{ file = \"{index}.obj\", scale_m_per_unit = 0.1 }} }}");
+        let named = |count: usize| format!("fixed = [{}]\n", (1..count).map(mesh).collect::<Vec<_>>().join(", "));
+        let read = |count| from_text("x.toml", &(scene(&mesh(0)) + &named(count)), &files);
+        assert!(read(MAX_READ).is_ok());
+        assert!(matches!(read(MAX_READ + 1), Err(ReadError::TooManyFiles { limit: MAX_READ })));
     }
 }

@@ -39,8 +39,8 @@ const AXES: [[usize; 3]; 3] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
 /// scene axes, from the file's origin.
 ///
 /// # Errors
-/// A label that no voxel has, or no label at all.
-pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, String> {
+/// A label that no voxel has, or no label at all; or more quads than `max_quads`.
+pub(crate) fn surface(map: &LabelMap, labels: &[u16], max_quads: u64) -> Result<TriangleMesh, String> {
     refuse_absent(map, labels)?;
     let filled = Filled::without_strays(map, |label| label != 0 && (labels.is_empty() || labels.contains(&label)));
     let is_wanted = |voxel| filled.has(voxel);
@@ -57,6 +57,11 @@ pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, St
                     let mut next = [i, j, k];
                     next[axes[0]] += 1;
                     if here != is_wanted(next) {
+                        if nets.quads.len() as u64 == max_quads {
+                            return Err(format!(
+                                "the surface has more than {max_quads} quads, all that is left of what label maps of a scene may have"
+                            ));
+                        }
                         let up = crossing(share([i, j, k]), share(next), here);
                         nets.add_quad([i, j, k], axes, here, up);
                     }
