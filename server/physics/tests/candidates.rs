@@ -65,7 +65,7 @@ fn pairs(candidates: &Candidates) -> Vec<Pair> {
 }
 
 /// By a look at every pair: those that face each other and are within reach in a step.
-fn meeting(bodies: &[Body]) -> Vec<Pair> {
+fn pairs_that_meet(bodies: &[Body]) -> Vec<Pair> {
     let all = |(index, body): (usize, &Body)| -> Vec<PlacedPatch> {
         let patches = 0..body.boundary().patches().len();
         patches.map(|p| PlacedPatch::of(body, &body.state.position_m, [index as u32, p as u32])).collect()
@@ -84,7 +84,7 @@ fn meeting(bodies: &[Body]) -> Vec<Pair> {
 fn holds(candidates: &Candidates, bodies: &[Body], round: u32) -> bool {
     let holds = candidates.hold(bodies.iter());
     let found = pairs(candidates);
-    let missing = meeting(bodies).into_iter().find(|pair| found.binary_search(pair).is_err());
+    let missing = pairs_that_meet(bodies).into_iter().find(|pair| found.binary_search(pair).is_err());
     assert!(!holds || missing.is_none(), "seed {SEED}, round {round}: {missing:?} is missing");
     holds
 }
@@ -112,7 +112,7 @@ fn what_is_followed_through_cuts_and_folds_misses_no_patch_that_meets_another() 
     }
     println!("looked again {looked_again} times, followed through {followed} cuts");
     assert!(looked_again > 5 && followed > 50, "looked again {looked_again}, followed {followed}");
-    assert!(meeting(&bodies).iter().any(|[a, b]| a[0] != b[0]), "the two bodies meet");
+    assert!(pairs_that_meet(&bodies).iter().any(|[a, b]| a[0] != b[0]), "the two bodies meet");
 }
 
 /// Moves a body's nodes on as they fly, for a step.
@@ -147,10 +147,10 @@ fn what_flies_is_looked_for_alone_and_meets_all_that_it_comes_to() {
             assert!(holds(&candidates, &bodies, round), "seed {SEED}, round {round}");
             looked_again += 1;
         }
-        met += meeting(&bodies).len();
+        met += pairs_that_meet(&bodies).len();
         bodies.iter_mut().for_each(fly);
     }
-    println!("looked again {looked_again} times for {met} meetings");
+    println!("looked again {looked_again} times for {met} pairs that meet");
     assert!(looked_again > 30 && looked_again < 120 && met > 10_000, "looked again {looked_again}, met {met}");
 }
 

@@ -77,9 +77,9 @@ pub struct Approach {
     feet: [Option<(f64, Vec3)>; 2],
 }
 
-/// Where a patch meets, or is about to meet, a surface.
+/// The point of a surface that a patch presses on, or is about to press on.
 #[derive(Clone, Copy, Debug)]
-pub struct Meeting {
+pub struct PointBelow {
     /// The surface's point under the patch.
     pub point: MaterialPoint,
     /// Unit normal out of the surface, scene frame.
@@ -152,7 +152,7 @@ pub fn approach(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option
 
 /// Where `point` meets `surface`, which it approaches so. `None` where there is no material under it.
 #[must_use]
-pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, approach: &Approach, dt_s: f64) -> Option<Meeting> {
+pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, approach: &Approach, dt_s: f64) -> Option<PointBelow> {
     let body = surface.body;
     let &Plane { normal, stretch, .. } = surface.plane?;
     let travel_m = (point.placed.velocity_m_per_s - surface.placed.velocity_m_per_s) * dt_s;
@@ -177,7 +177,7 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, approach: &Approach, dt_
     let offset_m = position_m - surface.patch.point.position_m;
     // Where the element bends, its surface leaves the plane.
     distance_m += offset_m.dot(&surface.patch.normal) / stretch;
-    Some(Meeting { point: MaterialPoint { position_m, voxel }, normal, distance_m })
+    Some(PointBelow { point: MaterialPoint { position_m, voxel }, normal, distance_m })
 }
 
 /// Whether a patch and the point that it meets are in one piece of material that goes straight from one to

@@ -9,7 +9,7 @@ use crate::boundary::{Boundary, PatchKey, SurfacePatch};
 use crate::contact::candidates::{Candidates, Reach};
 use crate::contact::ends::{TissueEnd, TissueEnds};
 use crate::contact::patch_hash::PlacedPatch;
-use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
+use crate::contact::press::{Approach, MARGIN_VOXELS, PatchOf, Plane, PointBelow, approach, meet};
 use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact, pressed_m};
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
@@ -278,9 +278,9 @@ impl TissueContacts {
                 let surface = self.patch_of(slots, *other);
                 Some((surface, meet(&point, &surface, approach, dt_s)?))
             });
-            if let Some((surface, meeting)) = met.next() {
+            if let Some((surface, below)) = met.next() {
                 let work_j = self.carried[placed.body as usize].work_j[placed.patch as usize];
-                self.springs.push(spring(&point, &surface, &meeting, work_j, dt_s));
+                self.springs.push(spring(&point, &surface, &below, work_j, dt_s));
             }
         }
         self.approaches = approaches;
@@ -390,26 +390,26 @@ fn reach(slots: &[BodySlot]) -> Reach {
 /// The spring of a patch that meets a surface. The surface's own patches have springs on this one in turn,
 /// so that each has half of the interface's stiffness. It starts in the mode that its depth says: what the velocity
 /// predicts is, in tissue at rest, what the last solve left of its residual.
-fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, work_j: f64, dt_s: f64) -> TissueContact {
-    let ends = [(point, &point.patch.point, 1.0), (surface, &meeting.point, -1.0)]
+fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, below: &PointBelow, work_j: f64, dt_s: f64) -> TissueContact {
+    let ends = [(point, &point.patch.point, 1.0), (surface, &below.point, -1.0)]
         .map(|(of, at, sign)| TissueEnd { body: of.placed.body, weights: ContactWeights::of(of.body, at, sign) });
     let bodies = [point.body, surface.body];
     let velocity: Vec3 = ends.iter().zip(bodies).map(|(end, body)| end.weights.sum(&body.state.velocity_m_per_s)).sum();
     // Of the two half elements, in series.
     let compliance: f64 = [point, surface].map(PatchOf::compliance_m_per_pa).iter().sum();
-    let closing = velocity.dot(&meeting.normal);
+    let closing = velocity.dot(&below.normal);
     let voxel_m = point.body.state.grid.voxel_size_m();
     let stiffness_n_per_m = STIFFNESS * point.patch.area_m2 / compliance;
     // What is found deeper than work has pressed it does not push for that: it would make energy.
     let pressed_m = pressed_m(stiffness_n_per_m, work_j);
-    let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m).min(pressed_m);
+    let depth_before_m = (-below.distance_m).min(MOST_PUSH_VOXELS * voxel_m).min(pressed_m);
     let depth_predicted_m = depth_before_m - dt_s * closing;
-    let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, meeting.point.voxel)]
+    let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, below.point.voxel)]
         .map(|(of, voxel)| of.body.material_of(voxel).friction_coefficient);
     let limit_n = (mu * of_surface).sqrt() * stiffness_n_per_m * depth_before_m.max(0.0);
     Contact {
         ends: TissueEnds { ends, patch: point.placed.patch },
-        direction: meeting.normal,
+        direction: below.normal,
         stiffness_n_per_m,
         share_of_compliance: 1.0 / (1.0 + STIFFNESS),
         gap_before_m: depth_before_m,
@@ -417,7 +417,7 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, work_j:
         gap_m: depth_predicted_m,
         slack_m: SLACK_VOXELS * voxel_m,
         mode: if depth_before_m > 0.0 { Mode::Spring } else { Mode::Off },
-        friction: Friction::in_tissue(limit_n, velocity - meeting.normal * closing),
+        friction: Friction::in_tissue(limit_n, velocity - below.normal * closing),
         ..Contact::default()
     }
 }
