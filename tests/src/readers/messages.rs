@@ -10,7 +10,7 @@ use kerf_session::{Phase, Registry, Session, SessionOptions};
 use prost::Message;
 use tokio::runtime::Runtime;
 
-use super::{Reader, block, inputs_of};
+use super::{Reader, block, inputs_of, runtime};
 
 /// What viewers are sent.
 pub const VIEW: Reader = Reader {
@@ -45,8 +45,7 @@ pub const POSES: Reader = Reader {
 
 /// A session that waits for calls.
 static PAUSED: LazyLock<(Runtime, Arc<Session>)> = LazyLock::new(|| {
-    let runtime =
-        tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(1).build().expect("a runtime");
+    let runtime = runtime();
     let session = runtime.block_on(async {
         let registry = Registry::new(Default::default(), Default::default()).expect("limits");
         let session = registry.create(block(), SessionOptions::default()).await.expect("a session");

@@ -10,6 +10,7 @@ pub mod states;
 use std::path::{Path, PathBuf};
 
 use kerf_physics::{Scene, SoundScene};
+use tokio::runtime::Runtime;
 
 /// The scene that sessions are tested on.
 pub const BLOCK: &str = include_str!("../../../server/session/tests/block.toml");
@@ -45,6 +46,15 @@ impl Reader {
 fn block() -> SoundScene {
     let scene = Scene { desc: toml::from_str(BLOCK).expect("a scene"), meshes: Default::default() };
     scene.judge().expect("a sound scene")
+}
+
+/// What servers and sessions that are fuzzed run on.
+///
+/// # Panics
+/// There are no threads.
+#[must_use]
+pub fn runtime() -> Runtime {
+    tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(1).build().expect("a runtime")
 }
 
 /// The files of `tests/corpus` whose names end so.

@@ -19,7 +19,7 @@ use mcap::{MessageStream, WriteOptions};
 use tempfile::NamedTempFile;
 
 use super::messages::motions;
-use super::{BLOCK, Reader, block};
+use super::{BLOCK, Reader, block, runtime};
 
 /// Where the checksum of a state's file stands.
 const CHECKSUM: std::ops::Range<usize> = 12..20;
@@ -87,8 +87,7 @@ fn written(configure: impl FnOnce(&mut ServerConfig, &Path)) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let mut config = ServerConfig { listen: SocketAddr::from(([127, 0, 0, 1], 0)), ..ServerConfig::default() };
     configure(&mut config, folder.path());
-    let runtime =
-        tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(1).build().expect("a runtime");
+    let runtime = runtime();
     runtime.block_on(async {
         let server = Server::start(config).await.expect("the server starts");
         let address = format!("http://{}", server.address());

@@ -83,8 +83,7 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let runtime =
-            tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(1).build().expect("a runtime");
+        let runtime = kerf_system_tests::readers::runtime();
         let (harness, driven, other) = runtime.block_on(async {
             let mut harness = Harness::with(|config| {
                 // Whoever has a lease and forgets it keeps a tool from few inputs.

@@ -30,8 +30,7 @@ fn views() {
 
 #[test]
 fn pose_batches() {
-    let runtime =
-        tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(1).build().expect("a runtime");
+    let runtime = kerf_system_tests::readers::runtime();
     let (harness, session_id) = runtime.block_on(async {
         let mut harness = Harness::start().await;
         let session_id = harness.create().await.expect("a session");
