@@ -107,7 +107,7 @@ fn a_body_without_loads_is_at_rest_at_once() {
 
 /// A block that its lowest layers of voxels hold, of 1e4 Pa.
 fn held_block(level: u8, strain_stiffening: f64, held_m: f64, traction_pa: [f64; 3]) -> World {
-    let mut desc = object([0.0; 3], [0.08, 0.08, 0.16], 0.004, level);
+    let mut desc = object([0.0; 3], [0.048, 0.048, 0.096], 0.004, level);
     desc.material.young_modulus_pa = 1e4;
     desc.material.strain_stiffening = strain_stiffening;
     desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, held_m] }];

@@ -183,6 +183,34 @@ fn real_tissue_dents_and_gives_alike_on_finer_levels() {
     }
 }
 
+#[test]
+fn the_force_does_not_drop_as_a_front_comes_to_the_next_elements() {
+    let (h, gc) = (3.5e-3, 200.0);
+    let [side, height] = [16.0 * h, 40.0 * h];
+    let mut object = super::support::object([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, height, 0.5 * side], h, 2);
+    object.material.young_modulus_pa = 1e4;
+    object.material.rayleigh_beta_s = 5e-3;
+    object.material.fracture_energy_j_per_m2 = Some(gc);
+    object.material.strain_stiffening = 10.0;
+    let held = |min_m: [f64; 3], max_m: [f64; 3]| ShapeDesc::Box { min_m, max_m };
+    let in_m = 0.5 * side - composite_edge_m(h, 2);
+    object.fixed = vec![held([-1.0; 3], [1.0, 1.01 * h, 1.0])];
+    object.fixed.push(held([-1.0; 3], [1.0, 1.0, -1.01 * in_m]));
+    object.fixed.push(held([-1.0, -1.0, 1.01 * in_m], [1.0; 3]));
+    let mut rig = rig(object, 0.16, Vec3::new(0.0, height + 5e-4, 4e-4));
+    rig.speed_m_per_s = 0.05;
+    rig.drive(0.045);
+    rig.speed_m_per_s = 0.02;
+    let begin = rig.samples.len();
+    // Over three elements.
+    rig.drive(3.0 * composite_edge_m(h, 2));
+    let steady = &rig.samples[begin..];
+    let mean = steady.iter().map(|s| s.force_n).sum::<f64>() / steady.len() as f64;
+    let least = steady.iter().map(|s| s.force_n).fold(f64::INFINITY, f64::min);
+    println!("steady force over Gc w {:.3}, the least over the mean {:.3}", mean / (gc * side), least / mean);
+    assert!(least > 0.9 * mean, "{least} N of {mean} N");
+}
+
 fn real_tissue_gives_at_gc(level: u8) {
     let (h, gc) = (3.5e-3, 200.0);
     let (side, height) = (16.0 * h, 17.0 * h);

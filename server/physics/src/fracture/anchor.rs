@@ -102,6 +102,9 @@ pub(super) struct Anchor {
     pub(super) beside_j: f64,
     /// Stiffness of the spring in the last step over what it relaxes to.
     pub(super) unrelaxed: f64,
+    /// How far its spring acts behind it along the cutting direction, m. Elements that the front comes to place it
+    /// elsewhere than those before: the spring stays as it is, and takes that up over an element's way.
+    pub(super) behind_m: f64,
 }
 
 /// Ends of the crack on the way of a marker, reference configuration.
@@ -146,12 +149,14 @@ impl Anchor {
             stored_j: 0.0,
             beside_j: 0.0,
             unrelaxed: 1.0,
+            behind_m: 0.0,
         }
     }
 
     /// Starts the cut where the anchor is: what lies ahead is seen from here, strips begin here.
     pub(super) fn start_here(&mut self, body: &Body, crack: &Crack, frame: &BladeFrame) {
         self.look_ahead(body, crack, frame);
+        self.behind_m = 0.0;
         self.start_m = self.position_m;
         self.swept_m = self.strip_end_m(body, frame);
     }
@@ -159,8 +164,13 @@ impl Anchor {
     /// Starts beside a neighbour that it was copied from: what that sees of the crack it sees too.
     pub(super) fn start_beside(&mut self, body: &Body, frame: &BladeFrame) {
         self.find_link_ahead(body, frame);
+        self.behind_m = 0.0;
         self.start_m = self.position_m;
         self.swept_m = self.strip_end_m(body, frame);
+    }
+
+    pub(super) fn elements(&self, body: &Body) -> [usize; 2] {
+        self.voxels.map(|voxel| body.element_of(voxel))
     }
 
     fn points(&self) -> [MaterialPoint; 2] {
@@ -173,6 +183,17 @@ impl Anchor {
     pub(super) fn current_m(&self, body: &Body) -> Vec3 {
         let [a, b] = self.points();
         0.5 * (body.current_m(&a) + body.current_m(&b))
+    }
+
+    /// Goes on in the material, reference configuration, m.
+    pub(super) fn go_on(&mut self, body: &Body, by_m: Vec3) {
+        self.position_m += by_m;
+        self.behind_m *= (-by_m.norm() / body.element_edge_m(body.element_of(self.voxels[0]))).exp();
+    }
+
+    /// What the gap of its spring falls by as it goes on to `next`, m.
+    pub(super) fn advance_m(&self, next: &Self, body: &Body, frame: &BladeFrame) -> f64 {
+        (next.current_m(body) - self.current_m(body)).dot(&frame.forward) - (next.behind_m - self.behind_m)
     }
 
     pub(super) fn weights(&self, body: &Body) -> ContactWeights {
@@ -207,7 +228,6 @@ impl Anchor {
             return (Vec3::zeros(), 0.0);
         }
         let longest = MARCH_VOXELS * body.state.grid.voxel_size_m();
-        let from = self.current_m(body);
         let mut ahead = *self;
         let mut left = distance;
         for _ in 0..MAX_MARCH_STEPS {
@@ -216,9 +236,9 @@ impl Anchor {
             }
             let step = ahead.pull_back(body, &frame.forward) * left;
             let most = longest.min(ahead.next_front_m(&step.normalize(), longest));
-            ahead.position_m += step * (most / step.norm()).min(1.0);
+            ahead.go_on(body, step * (most / step.norm()).min(1.0));
             ahead.find_link_ahead(body, frame);
-            left = distance - (ahead.current_m(body) - from).dot(&frame.forward);
+            left = distance - self.advance_m(&ahead, body, frame);
             if ahead.ahead != self.ahead {
                 break;
             }
@@ -301,6 +321,7 @@ impl Anchor {
         let LinkAhead { link, near_m: at, ahead, .. } = self.link_ahead(body, f, frame);
         let axis = link.axis as usize;
         let ends = [grid.voxel_at(link.cell), grid.voxel_at(link.upper())];
+        let before = *self;
         self.spread_m = Vec3::zeros();
         match ends {
             [Some(lower), Some(upper)] if joined(body, lower, upper) => {
@@ -340,6 +361,11 @@ impl Anchor {
         };
         // Beyond an old cut the crack is there already: nothing has to be initiated.
         self.yielded |= self.ahead == Ahead::Parted;
+        if !self.yielded || !matches!(self.ahead, Ahead::Intact { .. }) {
+            self.behind_m = 0.0;
+        } else if self.elements(body) != before.elements(body) {
+            self.behind_m += (self.current_m(body) - before.current_m(body)).dot(&frame.forward);
+        }
     }
 
     /// The voxels that carry the contact across a cut: both while its sides are one place still, so that nothing jumps as

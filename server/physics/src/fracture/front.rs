@@ -77,6 +77,11 @@ struct ChainPoint {
     start_m: Vec3,
     /// From it to the middle of its segment of the edge, scene frame, m.
     to_edge_m: Vec3,
+    /// Where its spring acts, scene frame, and by how much that is behind it, m.
+    acts_at_m: Vec3,
+    behind_m: f64,
+    /// The elements that carry it.
+    elements: [usize; 2],
 }
 
 /// Where a step's front is seen from: the blade and its poses.
@@ -250,7 +255,7 @@ impl Front {
                 self.open_beside(body, contact.marker, links);
             }
             if let Marker::On(anchor) = &mut self.markers[contact.marker] {
-                anchor.position_m += step;
+                anchor.go_on(body, step);
             }
         }
         self.take_crack_along(body, crack);
@@ -402,14 +407,22 @@ impl Front {
         chain.clear();
         chain.extend((0..self.markers.len()).map(|i| {
             let anchor = self.anchor(i)?;
-            let to_edge_m = pose.transform(&self.segments[i].middle_m) - anchor.current_m(body);
-            Some(ChainPoint { position_m: anchor.position_m, start_m: anchor.start_m, to_edge_m })
+            let current_m = anchor.current_m(body);
+            Some(ChainPoint {
+                position_m: anchor.position_m,
+                start_m: anchor.start_m,
+                to_edge_m: pose.transform(&self.segments[i].middle_m) - current_m,
+                acts_at_m: current_m - self.frames[i].forward * anchor.behind_m,
+                behind_m: anchor.behind_m,
+                elements: anchor.elements(body),
+            })
         }));
         let gap = CHAIN_GAP_VOXELS * body.state.grid.voxel_size_m();
         for index in 0..self.markers.len() {
             let Marker::On(anchor) = self.markers[index] else { continue };
             let along = self.frames[index].along;
-            let to_edge_m = chain[index].map_or(Vec3::zeros(), |point| point.to_edge_m);
+            let Some(own) = chain[index] else { continue };
+            let to_edge_m = own.to_edge_m;
             let slip = to_edge_m.dot(&along);
             let next = if slip > 0.0 { index + 1 } else { index.wrapping_sub(1) };
             let beside = chain.get(next).copied().flatten().filter(|_| self.goes_on(index.min(next)));
@@ -418,7 +431,9 @@ impl Front {
                 Some(beside) => {
                     let fraction = (slip.abs() / self.segments[index].length_m).min(1.0);
                     let unbend = self.unbend(body, &anchor, pose, [index, next], &beside.to_edge_m);
-                    moved.position_m += (beside.position_m - anchor.position_m + unbend) * fraction;
+                    moved.position_m += (beside.position_m - anchor.position_m) * fraction;
+                    moved.behind_m = slid_behind_m(body, &moved, &self.frames[index].forward, fraction, [own, beside]);
+                    moved.position_m += unbend * fraction;
                     moved.start_m += (beside.start_m - anchor.start_m + unbend) * fraction;
                 }
                 None => {
@@ -543,4 +558,14 @@ impl Front {
         let gap = (ends[0].swept_m - ends[1].swept_m).norm();
         (gap < CHAIN_GAP_VOXELS * body.state.grid.voxel_size_m()).then_some(ends)
     }
+}
+
+/// How far the spring of a marker acts behind it that has slid by a fraction of the way from its own point of the chain to
+/// the one beside: what carries these may place them differently, and the spring acts between where theirs do.
+fn slid_behind_m(body: &Body, anchor: &Anchor, forward: &Vec3, fraction: f64, [own, beside]: [ChainPoint; 2]) -> f64 {
+    if own.elements == beside.elements {
+        return own.behind_m + (beside.behind_m - own.behind_m) * fraction;
+    }
+    let acts_at_m = own.acts_at_m + (beside.acts_at_m - own.acts_at_m) * fraction;
+    (anchor.current_m(body) - acts_at_m).dot(forward)
 }

@@ -61,8 +61,8 @@ pub(super) fn give_way(
     let past_m = PAST_VOXELS * body.state.grid.voxel_size_m();
     let step = next.ahead * ((next.crossing_m - anchor.position_m).dot(&next.ahead).max(0.0) + past_m);
     let mut moved = *anchor;
-    moved.position_m += step;
-    let advance_m = (moved.current_m(body) - anchor.current_m(body)).dot(&frame.forward);
+    moved.go_on(body, step);
+    let advance_m = anchor.advance_m(&moved, body, frame);
     let stored_j = |gap_m: f64| 0.5 * forward.stiffness_n_per_m * gap_m.max(0.0).powi(2);
     let let_go_j = stored_j(forward.gap_m) - stored_j(forward.gap_m - advance_m);
     anchor.stored_j -= let_go_j;

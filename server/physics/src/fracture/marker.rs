@@ -169,7 +169,7 @@ impl Edge {
         if offset.dot(&self.frame.normal).abs() > LOST_VOXELS * h {
             return if anchor.yielded { Marker::Lost } else { Marker::Buried };
         }
-        let opened = offset.dot(&self.frame.forward) < -RELEASE_VOXELS * h;
+        let opened = offset.dot(&self.frame.forward) + anchor.behind_m < -RELEASE_VOXELS * h;
         let gone = opened && (!anchor.yielded || narrow::locate(body, hash, &self.now_m).is_none());
         if gone { Marker::Outside } else { self.unless_lost(tissue, anchor, &was_m) }
     }

@@ -81,6 +81,7 @@ impl FrontContact {
             Mode::Yield if forward.yield_n.is_infinite() => Mode::Spring,
             mode => mode,
         };
+        shift_gap(&mut forward, |gap_m| gap_m + anchor.behind_m);
         let mut lateral = spring(edge.frame.normal);
         lateral.stiffness_n_per_m *= edge.penalty_factor;
         lateral.bilateral = true;
@@ -171,6 +172,9 @@ impl FrontContact {
         anchor.beside_j = beside;
         anchor.unrelaxed = self.unrelaxed;
         anchor.mode = forward.mode;
+        if forward.mode == Mode::Off {
+            anchor.behind_m = 0.0;
+        }
         // Grazing the outside starts no cut.
         anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
         if let Some(toughness_j_per_m2) = anchor.toughness_j_per_m2(body)

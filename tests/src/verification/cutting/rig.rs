@@ -12,6 +12,8 @@ const MAX_ITERATIONS: u32 = 500;
 const BLADE_HEIGHT_M: f64 = 0.3;
 /// At rest the kinetic energy is less than this fraction of what is stored.
 const REST: f64 = 3e-5;
+/// For so long, s: tissue that swings has none as it turns round.
+const REST_FOR_S: f64 = 0.1;
 /// Simulated time within which a held blade comes to rest, s.
 const MAX_REST_S: f64 = 2.0;
 
@@ -157,11 +159,13 @@ impl Rig {
     /// # Errors
     /// A step had a fault.
     pub fn rest(&mut self) -> Result<Option<RestState>> {
+        let mut still_s = 0.0;
         for _ in 0..(MAX_REST_S / self.dt_s) as usize {
             self.step()?;
             let energy = self.last().energy;
             let stored_j = energy.elastic_j + energy.contact_j;
-            if energy.kinetic_j < REST * stored_j {
+            still_s = if energy.kinetic_j < REST * stored_j { still_s + self.dt_s } else { 0.0 };
+            if still_s > REST_FOR_S {
                 let force_n = -self.last().force_n.dot(&self.forward);
                 return Ok(Some(RestState { stored_j, force_n, area_m2: self.area_m2() }));
             }
