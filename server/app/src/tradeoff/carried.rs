@@ -10,7 +10,7 @@ use kerf_physics::scene::toughness::asked_over_eh;
 use kerf_physics::{Scene, voxel_size_m};
 
 /// Least stiffening and the largest load at initiation over `E H` up to which the force on the blade was
-/// within 6 % of Gc w: for 3 on blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1 (level 1 gave 1.14 and 1.31 Gc w
+/// within 6 % of what the cut takes, Gc w or that of a squeezed bar: for 3 on blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1 (level 1 gave 1.14 and 1.31 Gc w
 /// at 1.4 and 2.2 times the load, level 0 0.97 at 1.4 times); for 10 real liver at level 0
 /// (`cargo test -p kerf-physics strokes::`), beyond which none was tried.
 const CARRIED_OVER_EH: [(f64, f64); 2] = [(10.0, 11.43), (3.0, 2.0)];
@@ -95,18 +95,20 @@ mod tests {
         Cut { force_over_gc_w: mean_n / (gc_j_per_m2 * 0.07), spent_over_gc_a: spent_j / fracture_j, folds }
     }
 
-    /// So small a block is strained by the cut, which it then helps along: by less than the front takes it to, the more
-    /// so the nearer the load is to what an element carries. The work falls short of Gc A by an eighth at the limit, by
-    /// a third of that at half of it (and by 1.3 % at a quarter; 4.4 % at the limit's load on elements twice as large).
+    /// So small a block is strained by the cut. Far below the front it is squeezed as a bar whose steady force is 1.055 Gc w
+    /// at the limit and 1.026 at half of it (`F lambda + U A = Gc w`, as Rivlin and Thomas 1953): the force is between Gc w
+    /// and that. The strain helps the cut along by less than the front takes it to, the more so the nearer the load is to
+    /// what an element carries: the work is 0.93 of Gc A at the limit and 1.00 at half of it.
     #[test]
     fn within_the_limit_a_cut_takes_gc_and_at_more_than_twice_the_limit_it_does_not() {
         let within = cut(14_000.0);
         println!("{within:?}");
-        assert!(!within.folds && (within.force_over_gc_w - 1.0).abs() < 0.06, "{within:?}");
-        assert!((within.spent_over_gc_a - 1.0).abs() < 0.14, "{within:?}");
+        let is_force = |cut: &Cut, bar: f64| (0.94..bar * 1.06).contains(&cut.force_over_gc_w);
+        assert!(!within.folds && is_force(&within, 1.055), "{within:?}");
+        assert!((within.spent_over_gc_a - 1.0).abs() < 0.1, "{within:?}");
         let half = cut(7_000.0);
         println!("{half:?}");
-        assert!((half.force_over_gc_w - 1.0).abs() < 0.06 && (half.spent_over_gc_a - 1.0).abs() < 0.05, "{half:?}");
+        assert!(is_force(&half, 1.026) && (half.spent_over_gc_a - 1.0).abs() < 0.05, "{half:?}");
         let beyond = cut(31_000.0);
         println!("{beyond:?}");
         assert!(beyond.folds && (beyond.force_over_gc_w - 1.0).abs() > 0.1, "{beyond:?}");

@@ -560,8 +560,8 @@ impl Front {
     }
 }
 
-/// How far the spring of a marker acts behind it that has slid by a fraction of the way from its own point of the chain to
-/// the one beside: what carries these may place them differently, and the spring acts between where theirs do.
+/// How far behind it the spring of a marker acts that has slid by a fraction of the way from its own point of the chain to
+/// the one beside. Where other elements carry that, the spring acts between where the springs of the two points do.
 fn slid_behind_m(body: &Body, anchor: &Anchor, forward: &Vec3, fraction: f64, [own, beside]: [ChainPoint; 2]) -> f64 {
     if own.elements == beside.elements {
         return own.behind_m + (beside.behind_m - own.behind_m) * fraction;
