@@ -1,4 +1,4 @@
-//! A few random dicings of a coarse liver; `make dice` makes a thousand of five models at full size.
+//! A few random dicings of a coarse liver; `make dice` makes 200 of five models.
 
 use kerf_system_tests::dicing::campaign::{dice, model};
 use kerf_system_tests::strokes::campaign::seeds;
