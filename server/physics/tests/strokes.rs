@@ -201,12 +201,11 @@ fn the_force_does_not_drop_as_a_front_comes_to_the_next_elements() {
     rig.speed_m_per_s = 0.05;
     rig.drive(0.045);
     rig.speed_m_per_s = 0.02;
-    let begin = rig.samples.len();
+    let (begin, begin_m) = (rig.samples.len(), rig.travel_m);
     // Over three elements.
     rig.drive(3.0 * composite_edge_m(h, 2));
-    let steady = &rig.samples[begin..];
-    let mean = steady.iter().map(|s| s.force_n).sum::<f64>() / steady.len() as f64;
-    let least = steady.iter().map(|s| s.force_n).fold(f64::INFINITY, f64::min);
+    let mean = rig.mean_force_n(begin_m, rig.travel_m);
+    let least = rig.samples[begin..].iter().map(|s| s.force_n).fold(f64::INFINITY, f64::min);
     println!("steady force over Gc w {:.3}, the least over the mean {:.3}", mean / (gc * side), least / mean);
     assert!(least > 0.9 * mean, "{least} N of {mean} N");
 }

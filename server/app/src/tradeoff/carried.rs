@@ -11,8 +11,8 @@ use kerf_physics::{Scene, voxel_size_m};
 
 /// Least stiffening and the largest load at initiation over `E H` up to which the force on the blade was within 6 % of what
 /// the cut takes, Gc w or that of a squeezed bar: for 3 on blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1 (level 1
-/// gave 1.14 and 1.31 Gc w at 1.4 and 2.2 times the load, level 0 0.97 at 1.4 times); for 10 real liver at level 0 (`cargo
-/// test -p kerf-physics strokes::`), beyond which none was tried.
+/// gave 1.14 and 1.31 Gc w at 1.4 and 2.2 times the load, level 0 0.97 at 1.4 times); for 10 real liver at level 0
+/// (`cargo test -p kerf-physics strokes::`), beyond which none was tried.
 const CARRIED_OVER_EH: [(f64, f64); 2] = [(10.0, 11.43), (3.0, 2.0)];
 
 /// Why a scene's smallest elements would fold; `None` where they do not.

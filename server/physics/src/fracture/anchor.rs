@@ -156,19 +156,22 @@ impl Anchor {
     /// Starts the cut where the anchor is: what lies ahead is seen from here, strips begin here.
     pub(super) fn start_here(&mut self, body: &Body, crack: &Crack, frame: &BladeFrame) {
         self.look_ahead(body, crack, frame);
-        self.behind_m = 0.0;
-        self.start_m = self.position_m;
-        self.swept_m = self.strip_end_m(body, frame);
+        self.start(body, frame);
     }
 
     /// Starts beside a neighbour that it was copied from: what that sees of the crack it sees too.
     pub(super) fn start_beside(&mut self, body: &Body, frame: &BladeFrame) {
         self.find_link_ahead(body, frame);
+        self.start(body, frame);
+    }
+
+    fn start(&mut self, body: &Body, frame: &BladeFrame) {
         self.behind_m = 0.0;
         self.start_m = self.position_m;
         self.swept_m = self.strip_end_m(body, frame);
     }
 
+    /// The elements that carry it.
     pub(super) fn elements(&self, body: &Body) -> [usize; 2] {
         self.voxels.map(|voxel| body.element_of(voxel))
     }
