@@ -2,8 +2,7 @@
 
 use super::support::{Lcg, body, object, params};
 use kerf_physics::contact::candidates::{Candidates, Reach};
-use kerf_physics::contact::patch_hash::PlacedPatch;
-use kerf_physics::contact::press::FACING;
+use kerf_physics::contact::press::{FACING, PlacedPatch};
 use kerf_physics::{Body, Crossing, LinkId, Vec3, Workers};
 use std::f64::consts::PI;
 
@@ -68,7 +67,7 @@ fn pairs(candidates: &Candidates) -> Vec<Pair> {
 fn pairs_that_meet(bodies: &[Body]) -> Vec<Pair> {
     let all = |(index, body): (usize, &Body)| -> Vec<PlacedPatch> {
         let patches = 0..body.boundary().patches().len();
-        patches.map(|p| PlacedPatch::of(body, &body.state.position_m, [index as u32, p as u32])).collect()
+        patches.map(|p| PlacedPatch::of(body, [index as u32, p as u32])).collect()
     };
     let placed: Vec<PlacedPatch> = bodies.iter().enumerate().flat_map(all).collect();
     let meet =

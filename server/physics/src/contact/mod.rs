@@ -9,7 +9,6 @@ pub mod friction;
 pub mod grasp;
 pub mod narrow;
 pub mod palpation;
-pub mod patch_hash;
 pub mod press;
 mod solution;
 

@@ -1,7 +1,6 @@
 //! Narrow phase of tissue against tissue: whether a patch of one surface comes through another, by signed
 //! distance in the other's reference configuration.
 
-use super::patch_hash::PlacedPatch;
 use crate::body::Body;
 use crate::boundary::SurfacePatch;
 use crate::grid::{Ijk, LinkId, MaterialPoint, VoxelId};
@@ -26,6 +25,37 @@ const MOST_ASIDE_ELEMENTS: f64 = 0.8;
 const MATERIAL_VOXELS: [f64; 2] = [0.4, 0.9];
 /// A point within this fraction of an element of its boundary is in it, whatever rounding says: see [`super::narrow`].
 const BOUNDARY: f64 = 1e-9;
+
+/// A patch of a body's surface where it is now.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedPatch {
+    /// Index of the body.
+    pub body: u32,
+    /// Index into the body's patches.
+    pub patch: u32,
+    /// Position, m, scene frame.
+    pub at_m: Vec3,
+    /// Velocity, m/s, scene frame.
+    pub velocity_m_per_s: Vec3,
+    /// Outward unit normal as its element has turned, scene frame.
+    pub normal: Vec3,
+}
+
+impl PlacedPatch {
+    /// A patch of a body, given by both their indices.
+    #[must_use]
+    pub fn of(body: &Body, [index, patch]: [u32; 2]) -> Self {
+        let data = &body.boundary().patches()[patch as usize];
+        let weights = body.weights(&data.point);
+        Self {
+            body: index,
+            patch,
+            at_m: weights.place_m(&body.state.position_m),
+            velocity_m_per_s: weights.sum(&body.state.velocity_m_per_s),
+            normal: body.rotation(data.element as usize) * data.normal,
+        }
+    }
+}
 
 /// One patch of a body.
 #[derive(Clone, Copy)]

@@ -8,8 +8,7 @@ use crate::body::{Body, Lost};
 use crate::boundary::{Boundary, PatchKey, SurfacePatch};
 use crate::contact::candidates::{Candidates, Reach};
 use crate::contact::ends::{TissueEnd, TissueEnds};
-use crate::contact::patch_hash::PlacedPatch;
-use crate::contact::press::{Approach, MARGIN_VOXELS, PatchOf, Plane, PointBelow, approach, meet};
+use crate::contact::press::{Approach, MARGIN_VOXELS, PatchOf, PlacedPatch, Plane, PointBelow, approach, meet};
 use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact, pressed_m};
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
@@ -256,7 +255,7 @@ impl TissueContacts {
         self.planes.clear();
         for [body, patch] in self.candidates.patches() {
             let of = &slots[body as usize].body;
-            self.placed.push(PlacedPatch::of(of, &of.state.position_m, [body, patch]));
+            self.placed.push(PlacedPatch::of(of, [body, patch]));
             self.planes.push(Plane::of(of, &of.boundary().patches()[patch as usize]));
         }
         let mut approaches = std::mem::take(&mut self.approaches);

@@ -1,11 +1,12 @@
 //! What a cut, and what moves on, changes of them: pairs of patches that stay as they were stay as they were found.
 
+use super::hash::PointHash;
 use super::nodes::Motion;
-use super::{Candidates, Lists, OfBody, SLACK_ELEMENTS, room_for_others};
+use super::{Candidates, Lists, OfBody, SLACK_ELEMENTS, SeenPatch, room_for_others};
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::patch_hash::{PatchHash, PlacedPatch};
 use crate::contact::press::FACING;
+use crate::math::Aabb;
 
 /// What the cosine between two normals may fall by while patches are not looked for: elements whose nodes move by the
 /// slack turn by 0.048, where their edges are at right angles; this is for 0.08 each. Fast ones may turn by more.
@@ -16,11 +17,13 @@ const GONE: u32 = u32::MAX;
 /// The patches after links parted or things moved on, beside those before.
 #[derive(Debug, Default)]
 pub(super) struct Follower {
-    hash: PatchHash,
+    seen: Vec<SeenPatch>,
     lists: Lists,
-    /// By patch in the hash before, its place in the one after; [`GONE`] where it is looked for again.
+    /// Of them what may be near one that is looked for again.
+    hash: PointHash,
+    /// By patch before, its place after; [`GONE`] where it is looked for again.
     after: Vec<u32>,
-    /// By patch in the hash after, how far it may move if it is looked for again, m.
+    /// By patch after, how far it may move if it is looked for again, m.
     again_m: Vec<Option<f64>>,
     /// Pairs of a patch that is looked for again and one that it may meet, ascending by the first; and pairs that one
     /// found which the other does not look for.
@@ -58,26 +61,20 @@ impl Candidates {
             common_m_per_s: self.follower.common_m_per_s(bodies.clone()),
         };
         self.bodies.iter_mut().zip(bodies.clone()).for_each(|(of, body)| of.nodes.place_again(body, motion));
-        self.place(bodies, changed, motion.slack_m);
+        self.place(bodies, changed);
         self.follower.find(self.reach.still_m, motion.slack_m);
         self.follower.merge(&self.lists);
-        std::mem::swap(&mut self.hash, &mut self.follower.hash);
+        std::mem::swap(&mut self.seen, &mut self.follower.seen);
         std::mem::swap(&mut self.lists, &mut self.follower.lists);
     }
 
     /// Places the patches that are looked for again, where their nodes were placed.
-    fn place<'a, 'b>(
-        &mut self,
-        bodies: impl Iterator<Item = &'a Body> + Clone,
-        changed: impl Fn(usize) -> &'b [u32],
-        slack_m: f64,
-    ) {
+    fn place<'a, 'b>(&mut self, bodies: impl Iterator<Item = &'a Body> + Clone, changed: impl Fn(usize) -> &'b [u32]) {
         // Nodes that were not placed now have used less than all they may, and may move by it yet.
         let most_m = self.bodies.iter().map(|of_body| of_body.nodes.most_of_all_m()).fold(0.0, f64::max);
         let near_m = self.reach.still_m + 4.0 * most_m;
-        let Self { bodies: of_bodies, follower, hash, .. } = self;
-        let placed = hash.placed();
-        follower.begin(placed.len());
+        let Self { bodies: of_bodies, follower, seen, .. } = self;
+        follower.begin(seen.len());
         for (index, (of_body, body)) in of_bodies.iter_mut().zip(bodies.clone()).enumerate() {
             let start = of_body.first.take();
             let bounds = body.bounds().grown(near_m);
@@ -88,23 +85,24 @@ impl Candidates {
             let next = follower.again_m.len() as u32;
             of_body.first = Some(next);
             of_body.follow_patches(body, &mut follower.before);
-            for patch in 0..of_body.patches.len() as u32 {
-                let element = of_body.patches[patch as usize].element;
-                let nodes = &body.base().elements[element as usize].nodes;
+            of_body.find_again(body, changed(index));
+            for (patch, data) in (0..).zip(&of_body.patches) {
                 let before = follower.before[patch as usize];
-                let stays = before != GONE
-                    && !of_body.nodes.any_placed(nodes)
-                    && changed(index).binary_search(&element).is_err();
+                let stays = before != GONE && !of_body.again[data.element as usize];
                 if let Some(was) = start.filter(|_| stays).map(|start| (start + before) as usize) {
                     follower.after[was] = next + patch;
-                    follower.add(PlacedPatch { patch, ..placed[was] }, None);
+                    follower.add(SeenPatch { name: [index as u32, patch], ..seen[was] }, None);
                 } else {
-                    let placed = PlacedPatch::of(body, of_body.nodes.found_at_m(), [index as u32, patch]);
+                    let nodes = &body.base().elements[data.element as usize].nodes;
+                    let placed = SeenPatch {
+                        name: [index as u32, patch],
+                        at_m: body.weights(&data.point).place_m(of_body.nodes.found_at_m()),
+                        normal: body.rotation(data.element as usize) * data.normal,
+                    };
                     follower.add(placed, Some(of_body.nodes.most_m(nodes)));
                 }
             }
         }
-        follower.hash.build(self.reach.still_m + 2.0 * slack_m);
     }
 }
 
@@ -126,10 +124,19 @@ impl OfBody {
         self.patches.extend_from_slice(after);
         self.version = body.boundary().version();
     }
+
+    /// Finds the elements whose patches are looked for again: those `changed`, and those with a node that was placed.
+    fn find_again(&mut self, body: &Body, changed: &[u32]) {
+        let Self { nodes, again, .. } = self;
+        again.clear();
+        again.extend(body.base().elements.iter().map(|element| nodes.any_placed(&element.nodes)));
+        changed.iter().for_each(|element| again[*element as usize] = true);
+    }
 }
 
 impl Follower {
     pub(super) fn reserve(&mut self, patches: usize, nodes: usize) {
+        self.seen.reserve(patches.saturating_sub(self.seen.len()));
         self.hash.reserve(patches);
         self.lists.reserve(patches);
         for list in [&mut self.after, &mut self.before] {
@@ -143,15 +150,15 @@ impl Follower {
     }
 
     fn begin(&mut self, before: usize) {
-        self.hash.clear();
+        self.seen.clear();
         self.again_m.clear();
         self.after.clear();
         self.after.resize(before, GONE);
     }
 
     /// Adds the next patch, and how far it may move if it is looked for again, m.
-    fn add(&mut self, patch: PlacedPatch, again_m: Option<f64>) {
-        self.hash.push(patch);
+    fn add(&mut self, patch: SeenPatch, again_m: Option<f64>) {
+        self.seen.push(patch);
         self.again_m.push(again_m);
     }
 
@@ -170,23 +177,30 @@ impl Follower {
 
     /// The pairs of a patch that is looked for again. Of two that are the farther one that moves looks for both.
     fn find(&mut self, still_m: f64, slack_m: f64) {
-        let Self { hash, again_m, found, returned, .. } = self;
+        let Self { seen, hash, again_m, found, returned, .. } = self;
         found.clear();
         returned.clear();
-        let placed = hash.placed();
-        for (patch, may_move_m) in again_m.iter().enumerate().filter_map(|(patch, m)| Some((patch, (*m)?))) {
+        let again = again_m.iter().enumerate().filter_map(|(patch, m)| {
+            let (may_move_m, seen) = ((*m)?, &seen[patch]);
+            Some((patch, may_move_m, seen.at_m, seen.normal))
+        });
+        let reach_m = |may_move_m: f64| still_m + may_move_m + may_move_m.max(slack_m);
+        let boxes = again.clone().map(|(_, may_move_m, at_m, _)| Aabb::around([at_m]).grown(reach_m(may_move_m)));
+        let Some(within) = boxes.reduce(|all, one| all.with(&one)) else { return };
+        let near =
+            (0..).zip(seen.iter()).map(|(patch, seen)| (patch, seen.at_m)).filter(|(_, at_m)| within.contains(at_m));
+        hash.build(near, still_m + 2.0 * slack_m);
+        for (patch, may_move_m, at_m, normal) in again {
             let is_fast = may_move_m > slack_m;
-            let PlacedPatch { at_m, normal, .. } = placed[patch];
-            let reach_m = still_m + may_move_m + if is_fast { may_move_m } else { slack_m };
-            for other in hash.near(at_m, reach_m) {
+            for other in hash.near(at_m, reach_m(may_move_m)) {
                 let other_m = again_m[other].unwrap_or(slack_m);
                 let other_is_fast = other_m > slack_m;
                 let looks = if is_fast {
                     !other_is_fast || (other_m, other) < (may_move_m, patch)
                 } else {
-                    !other_is_fast && normal.dot(&placed[other].normal) <= FACING + TURN
+                    !other_is_fast && normal.dot(&seen[other].normal) <= FACING + TURN
                 };
-                if !looks || (placed[other].at_m - at_m).amax() > still_m + may_move_m + other_m {
+                if !looks || (seen[other].at_m - at_m).amax() > still_m + may_move_m + other_m {
                     continue;
                 }
                 found.push([patch as u32, other as u32]);

@@ -3,9 +3,11 @@
 //! its slack, only the patches there are looked for again ([`Candidates::follow`]).
 
 mod follow;
+mod hash;
 mod nodes;
 
-use super::patch_hash::{PatchHash, PlacedPatch};
+use super::press::PlacedPatch;
+use crate::Vec3;
 use crate::body::Body;
 use crate::boundary::SurfacePatch;
 use follow::Follower;
@@ -30,8 +32,8 @@ fn room_for_others(patches: usize) -> usize {
 pub struct Candidates {
     /// By body.
     bodies: Vec<OfBody>,
-    /// The patches that were looked at, where they were then.
-    hash: PatchHash,
+    /// The patches that were looked at.
+    seen: Vec<SeenPatch>,
     lists: Lists,
     reach: Reach,
     /// Those after links parted or things moved on: scratch.
@@ -56,6 +58,16 @@ impl Reach {
     }
 }
 
+/// A patch as it was when it was looked for.
+#[derive(Clone, Copy, Debug)]
+struct SeenPatch {
+    /// Index of its body, and its own among the body's patches.
+    name: [u32; 2],
+    at_m: Vec3,
+    /// Outward unit normal, scene frame.
+    normal: Vec3,
+}
+
 /// A copy finds its own: they change what is looked at, never what is found.
 impl Clone for Candidates {
     fn clone(&self) -> Self {
@@ -67,38 +79,41 @@ impl Clone for Candidates {
 #[derive(Debug, Default)]
 struct OfBody {
     nodes: Nodes,
-    /// Its first patch in the hash, if its patches were looked at.
+    /// Its first patch among those that were looked at, if any of its patches was.
     first: Option<u32>,
     patches: Vec<SurfacePatch>,
     /// Version of the surface that they are of.
     version: u64,
+    /// By element, whether its patches are looked for again: scratch.
+    again: Vec<bool>,
 }
 
 /// What each patch may meet.
 #[derive(Debug, Default)]
 struct Lists {
-    /// Those that may meet others, by their place in the hash, ascending.
+    /// Those that may meet others, by their place among all that were looked at, ascending.
     patches: Vec<u32>,
     /// For each of them the others that it may meet, by their place among them, ascending, one list after the other;
     /// and where its list ends.
     others: Vec<u32>,
     ends: Vec<u32>,
-    /// By patch in the hash, how many candidates come before it: scratch, kept between searches.
+    /// By patch, how many candidates come before it: scratch, kept between searches.
     places: Vec<u32>,
 }
 
 impl Candidates {
     /// Makes room for as many as there may be.
     pub fn reserve<'a>(&mut self, bodies: impl ExactSizeIterator<Item = &'a Body>, patches: usize) {
-        self.hash.reserve(patches);
+        self.seen.reserve(patches.saturating_sub(self.seen.len()));
         self.lists.reserve(patches);
         self.bodies.resize_with(bodies.len(), OfBody::default);
         let mut nodes_of_all = 0;
         for (of_body, body) in self.bodies.iter_mut().zip(bodies) {
-            let OfBody { nodes, patches, .. } = of_body;
+            let OfBody { nodes, patches, again, .. } = of_body;
             nodes.reserve(body.node_count());
             nodes_of_all += body.node_count();
             patches.reserve(body.boundary().patches().len().saturating_sub(patches.len()));
+            again.reserve(body.base().elements.len().saturating_sub(again.len()));
         }
         self.follower.reserve(patches, nodes_of_all);
     }
@@ -123,11 +138,7 @@ impl Candidates {
 
     /// Body and patch of each, ascending.
     pub fn patches(&self) -> impl ExactSizeIterator<Item = [u32; 2]> + '_ {
-        self.lists
-            .patches
-            .iter()
-            .map(|patch| self.hash.placed()[*patch as usize])
-            .map(|placed| [placed.body, placed.patch])
+        self.lists.patches.iter().map(|patch| self.seen[*patch as usize].name)
     }
 
     /// The candidates that one of them may meet, by their place among them, ascending.
@@ -148,7 +159,7 @@ impl Lists {
         [&mut self.patches, &mut self.others, &mut self.ends, &mut self.places].into_iter().for_each(Vec::clear);
     }
 
-    /// Adds the next patch of the hash with the others that `write` adds, by their place in the hash.
+    /// Adds the next patch with the others that `write` adds, by their place among all that were looked at.
     fn push(&mut self, write: impl FnOnce(&mut Vec<u32>)) {
         let patch = self.places.len() as u32;
         self.places.push(self.patches.len() as u32);
