@@ -210,6 +210,34 @@ fn the_force_does_not_drop_as_a_front_comes_to_the_next_elements() {
     assert!(least > 0.9 * mean, "{least} N of {mean} N");
 }
 
+#[test]
+fn neighbours_that_part_the_links_ahead_of_a_front_do_not_set_it_free() {
+    let (h, gc) = (7e-3, 200.0);
+    let [width, height, length] = [8.0 * h, 32.0 * h, 16.0 * h];
+    let mut object =
+        super::support::object([-0.5 * width, 0.0, -0.5 * length], [0.5 * width, height, 0.5 * length], h, 2);
+    object.material.young_modulus_pa = 1e4;
+    object.material.density_kg_per_m3 = 1060.0;
+    object.material.rayleigh_beta_s = 2e-3;
+    object.material.fracture_energy_j_per_m2 = Some(gc);
+    object.material.strain_stiffening = 10.0;
+    let held = |min_m: [f64; 3], max_m: [f64; 3]| ShapeDesc::Box { min_m, max_m };
+    let in_m = 0.5 * length - h;
+    object.fixed = vec![held([-1.0; 3], [1.0, h, 1.0])];
+    object.fixed.push(held([-1.0; 3], [1.0, 1.0, -in_m]));
+    object.fixed.push(held([-1.0, -1.0, in_m], [1.0; 3]));
+    let mut rig = rig(object, 2.0 * width, Vec3::new(0.0, height + 5e-4, 0.0));
+    rig.speed_m_per_s = 0.1;
+    rig.drive(0.11);
+    let begin = rig.samples.len();
+    // Over three elements.
+    rig.drive(3.0 * composite_edge_m(h, 2));
+    let sum = |term: &dyn Fn(&Sample) -> f64| rig.samples[begin..].iter().map(term).sum::<f64>();
+    let [cut_j, lost_j] = [sum(&|s| s.energy.fracture_j), sum(&|s| s.energy.contact_loss_j)];
+    println!("contact loss over Gc A {:.4}", lost_j / cut_j);
+    assert!(cut_j > 0.5 && lost_j.abs() < 0.01 * cut_j, "{lost_j} J of {cut_j} J");
+}
+
 fn real_tissue_gives_at_gc(level: u8) {
     let (h, gc) = (3.5e-3, 200.0);
     let (side, height) = (16.0 * h, 17.0 * h);

@@ -116,6 +116,8 @@ struct FrontsAhead {
     facing_m: Option<Vec3>,
     /// Whether the crack has an end here, at the marker or behind it.
     is_at_own: bool,
+    /// Then up to where its neighbours have cut, m: what is before that holds at the marker, whichever links they parted.
+    neighbours_m: Option<Vec3>,
 }
 
 impl FrontsAhead {
@@ -125,7 +127,9 @@ impl FrontsAhead {
             distance_m.filter(|distance_m| *distance_m > at_m).map(|distance_m| way.position_m + way.ahead * distance_m)
         };
         let is_at_own = found.front_m.is_some_and(|distance_m| distance_m <= at_m);
-        Self { own_m: ahead(found.front_m), facing_m: ahead(found.facing_m), is_at_own }
+        let neighbours_m =
+            found.farthest_m.filter(|_| is_at_own).map(|distance_m| way.position_m + way.ahead * distance_m);
+        Self { own_m: ahead(found.front_m), facing_m: ahead(found.facing_m), is_at_own, neighbours_m }
     }
 }
 
@@ -321,7 +325,7 @@ impl Anchor {
     fn find_link_ahead_in(&mut self, body: &Body, f: &Mat3, frame: &BladeFrame) {
         let grid = &body.state.grid;
         let h = grid.voxel_size_m();
-        let LinkAhead { link, near_m: at, ahead, .. } = self.link_ahead(body, f, frame);
+        let LinkAhead { link, near_m: at, ahead, crossing_m } = self.link_ahead(body, f, frame);
         let axis = link.axis as usize;
         let ends = [grid.voxel_at(link.cell), grid.voxel_at(link.upper())];
         let before = *self;
@@ -347,13 +351,14 @@ impl Anchor {
         }
         let is_ahead =
             |front_m: Option<Vec3>| front_m.is_some_and(|at_m| (at_m - self.position_m).dot(&ahead) > AT_VOXELS * h);
+        let neighbours_parted = self.fronts.neighbours_m.is_some_and(|at_m| (at_m - crossing_m).dot(&ahead) > 0.0);
         let holds = || Ahead::Intact {
             fracture_energy_j_per_m2: fracture_energy(body, link),
             initiation_ratio: body.material_of(self.voxels[0]).initiation_ratio,
         };
         self.ahead = match grid.link(link) {
             Link::Intact | Link::Parted(_) if is_ahead(self.fronts.own_m) => Ahead::Parted,
-            Link::Parted(_) if is_ahead(self.fronts.facing_m) => holds(),
+            Link::Parted(_) if is_ahead(self.fronts.facing_m) || neighbours_parted => holds(),
             Link::Parted(_) => Ahead::Parted,
             Link::Intact | Link::Boundary(_) if grid.signed_distance_m(&at) < 0.0 => holds(),
             // A sheet thinner than half a voxel ends before the link that it lies in.

@@ -20,6 +20,9 @@ const FAR_VOXELS: f64 = 2.0 + REACH_VOXELS + BESIDE_VOXELS;
 /// An end farther than this beside the plane of a blade is of another cut, in voxels: links tell cuts apart that are one
 /// voxel apart.
 const BESIDE_VOXELS: f64 = 0.5;
+/// A front that is no farther off along the edge, in voxels, may have parted the link ahead. Ours: links part where a front
+/// passes the middle of their column of voxels.
+const ASIDE_VOXELS: f64 = 1.0;
 /// How far past its own ends a piece of front is taken to go on, over half its length, where no other covers what is
 /// beyond: above what two strokes differ by in how far they stretch tissue along the edge. Ours. Beyond a bend of an edge
 /// a front is not where its neighbour's would go on.
@@ -72,10 +75,6 @@ impl Way {
     /// Where an end crosses it: how far ahead, m, and how far from the end's middle, over half of its length.
     fn crosses(&self, end: &End, voxel_size_m: f64) -> Option<(f64, f64)> {
         let to = end.position_m - self.position_m;
-        // Most ends of a body that is much cut are far away.
-        if to.amax() > FAR_VOXELS * voxel_size_m {
-            return None;
-        }
         let aside_m = to.dot(&self.along);
         let half_m = end.half_m.dot(&self.along);
         if aside_m.abs() > BEYOND * half_m.abs() || half_m.abs() < LEAST_ACROSS * end.half_m.norm() {
@@ -88,6 +87,16 @@ impl Way {
         let is_near = ahead_m.abs() <= REACH_VOXELS * voxel_size_m && beside_m.abs() <= BESIDE_VOXELS * voxel_size_m;
         is_near.then_some((ahead_m, from_middle.abs()))
     }
+
+    /// How far ahead an end is that goes the same way beside it, m.
+    fn has_beside(&self, end: &End, voxel_size_m: f64) -> Option<f64> {
+        let to = end.position_m - self.position_m;
+        let ahead_m = to.dot(&self.ahead);
+        let near = ahead_m.abs() <= REACH_VOXELS * voxel_size_m
+            && to.dot(&self.along).abs() <= ASIDE_VOXELS * voxel_size_m
+            && to.dot(&self.ahead.cross(&self.along)).abs() <= BESIDE_VOXELS * voxel_size_m;
+        (near && end.ahead.dot(&self.ahead) > 0.0).then_some(ahead_m)
+    }
 }
 
 /// What a marker finds on its way.
@@ -97,6 +106,8 @@ pub(super) struct OnWay {
     pub(super) front_m: Option<f64>,
     /// How far ahead a cut ends that comes the other way, m.
     pub(super) facing_m: Option<f64>,
+    /// How far ahead the farthest end is that goes the same way, up to a voxel beside the way, m.
+    pub(super) farthest_m: Option<f64>,
 }
 
 /// A straight piece of a front that has gone on, reference configuration.
@@ -127,7 +138,12 @@ impl Crack {
         let mut found = OnWay::default();
         // The farther of those whose own length the way crosses; else the one that it passes nearest.
         let mut beyond = [f64::INFINITY; 2];
-        for end in &self.ends {
+        // Most ends of a body that is much cut are far away.
+        let is_far = |end: &End| (end.position_m - way.position_m).amax() > FAR_VOXELS * voxel_size_m;
+        for end in self.ends.iter().filter(|end| !is_far(end)) {
+            if let Some(ahead_m) = way.has_beside(end, voxel_size_m) {
+                found.farthest_m = Some(found.farthest_m.map_or(ahead_m, |farthest_m| ahead_m.max(farthest_m)));
+            }
             let Some((ahead_m, from_middle)) = way.crosses(end, voxel_size_m) else { continue };
             let faces = end.ahead.dot(&way.ahead) < 0.0;
             let (best, best_beyond) = match faces {

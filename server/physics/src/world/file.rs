@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 /// What a file of a snapshot begins with.
 pub const MAGIC: [u8; 8] = *b"KERFSNAP";
 /// Goes up whenever what is walked changes: a file of another format is refused.
-pub const FORMAT: u32 = 9;
+pub const FORMAT: u32 = 10;
 /// Characters of a name from a file that an error repeats: names of scenes are shorter.
 const MOST_TOLD: usize = 64;
 /// Bytes before what the checksum is of.

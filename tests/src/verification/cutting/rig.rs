@@ -133,12 +133,14 @@ impl Rig {
     /// A step had a fault.
     pub fn drive(&mut self, by_m: Vec3) -> Result<()> {
         let steps = (by_m.norm() / (self.speed_m_per_s * self.dt_s)).round().max(1.0);
-        for _ in 0..steps as usize {
-            self.pose.position_m += by_m / steps;
-            self.travel_m += by_m.dot(&self.forward) / steps;
-            self.step()?;
-        }
-        Ok(())
+        (0..steps as usize).try_for_each(|_| self.go(by_m / steps))
+    }
+
+    /// Takes the edge on by a step's way.
+    fn go(&mut self, by_m: Vec3) -> Result<()> {
+        self.pose.position_m += by_m;
+        self.travel_m += by_m.dot(&self.forward);
+        self.step()
     }
 
     /// Drives the edge on in the cutting direction, back where negative.
@@ -147,6 +149,20 @@ impl Rig {
     /// A step had a fault.
     pub fn advance(&mut self, by_m: f64) -> Result<()> {
         self.drive(self.forward * by_m)
+    }
+
+    /// Drives the edge on as [`Self::advance`] does, from rest to rest: what moves with an edge that stops at once goes on,
+    /// and takes the front farther than its force does.
+    ///
+    /// # Errors
+    /// A step had a fault.
+    pub fn ease(&mut self, by_m: f64) -> Result<()> {
+        let steps = (by_m.abs() / (self.speed_m_per_s * self.dt_s)).round().max(1.0);
+        let gone = |step: f64| (3.0 - 2.0 * step / steps) * (step / steps).powi(2);
+        for step in 1..=steps as usize {
+            self.go(self.forward * (by_m * (gone(step as f64) - gone(step as f64 - 1.0))))?;
+        }
+        Ok(())
     }
 
     /// From now on drives the edge so many times as fast.

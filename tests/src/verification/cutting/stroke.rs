@@ -293,10 +293,11 @@ impl Stroke {
     ///
     /// The edge goes on by an element, in parts: what the elements set free as the front leaves them comes once in an
     /// element's way (or by as many parts as there may be, where they are short beside it: there it is next to
-    /// nothing). Held: the blade goes on by a part and back, which leaves the front farther on at the same pose. G
-    /// falls with the force on the way back; what is summed is at the force before.
+    /// nothing). Held: the blade goes back by the part, which leaves the front farther on at the same pose. G falls with
+    /// the force on the way back; what is summed is at the force before. On the next part the front goes on: at rest it
+    /// has all the force that it goes on at.
     fn relaxed(&self, rig: &mut Rig) -> Result<Option<[f64; 3]>> {
-        let Some(mut rest) = rig.rest()? else { return Ok(None) };
+        let Some(rest) = rig.rest()? else { return Ok(None) };
         let spent = (sum(&rig.samples, |e| e.tool_work_j - e.initiation_j) - rest.stored_j) / rest.area_m2;
         let element_m = self.mesh.element_m() / self.plane.directions()[1].amax();
         let most_m = (MOST_ON * self.length_m()).min(MOST_ON_ELEMENTS * element_m);
@@ -304,19 +305,21 @@ impl Stroke {
         let part_m = most_m.min(element_m / parts);
         let (mut held, mut loaded) = (Balance::default(), Balance::default());
         rig.hasten(SLOWLY);
+        rig.ease(part_m)?;
+        let Some(mut before) = rig.rest()? else { return Ok(None) };
+        let mut way_m = part_m;
         for _ in 0..parts as usize {
-            rig.advance(part_m)?;
+            rig.ease(way_m)?;
+            let Some(on) = rig.rest()? else { return Ok(None) };
+            loaded.released_j += 0.5 * (before.force_n + on.force_n) * part_m - (on.stored_j - before.stored_j);
+            loaded.area_m2 += on.area_m2 - before.area_m2;
             let turn = rig.samples.len();
-            rig.advance(-part_m)?;
+            rig.ease(-part_m)?;
             let mean_n = -mean_force_n(&rig.samples[turn..]).dot(&self.plane.directions()[1]);
             let Some(back) = rig.rest()? else { return Ok(None) };
-            held.released_j += (rest.stored_j - back.stored_j) * rest.force_n / mean_n;
-            held.area_m2 += back.area_m2 - rest.area_m2;
-            rig.advance(part_m)?;
-            let Some(on) = rig.rest()? else { return Ok(None) };
-            loaded.released_j += 0.5 * (rest.force_n + on.force_n) * part_m - (on.stored_j - rest.stored_j);
-            loaded.area_m2 += on.area_m2 - rest.area_m2;
-            rest = on;
+            held.released_j += (before.stored_j - back.stored_j) * before.force_n / mean_n;
+            held.area_m2 += back.area_m2 - before.area_m2;
+            (before, way_m) = (on, 2.0 * part_m);
         }
         Ok(Some([spent, held.rate_j_per_m2(), loaded.rate_j_per_m2()]))
     }
