@@ -293,8 +293,8 @@ impl Stroke {
     ///
     /// The edge goes on by an element, in parts: what the elements set free as the front leaves them comes once in an
     /// element's way (or by as many parts as there may be, where they are short beside it: there it is next to
-    /// nothing). Held: the blade goes back by the part, which leaves the front farther on at the same pose. G falls with
-    /// the force on the way back; what is summed is at the force before. On the next part the front goes on: at rest it
+    /// nothing). Held: the blade goes back by the part, which leaves the front farther on at the same pose. Between
+    /// the two G falls with the force; what is summed is at the force before. On the next part the front goes on: at rest it
     /// has all the force that it goes on at.
     fn relaxed(&self, rig: &mut Rig) -> Result<Option<[f64; 3]>> {
         let Some(rest) = rig.rest()? else { return Ok(None) };
@@ -313,10 +313,9 @@ impl Stroke {
             let Some(on) = rig.rest()? else { return Ok(None) };
             loaded.released_j += 0.5 * (before.force_n + on.force_n) * part_m - (on.stored_j - before.stored_j);
             loaded.area_m2 += on.area_m2 - before.area_m2;
-            let turn = rig.samples.len();
             rig.ease(-part_m)?;
-            let mean_n = -mean_force_n(&rig.samples[turn..]).dot(&self.plane.directions()[1]);
             let Some(back) = rig.rest()? else { return Ok(None) };
+            let mean_n = 0.5 * (before.force_n + back.force_n);
             held.released_j += (before.stored_j - back.stored_j) * before.force_n / mean_n;
             held.area_m2 += back.area_m2 - before.area_m2;
             (before, way_m) = (on, 2.0 * part_m);
