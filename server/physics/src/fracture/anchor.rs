@@ -116,7 +116,8 @@ struct FrontsAhead {
     facing_m: Option<Vec3>,
     /// Whether the crack has an end here, at the marker or behind it.
     is_at_own: bool,
-    /// Then up to where its neighbours have cut, m: what is before that holds at the marker, whichever links they parted.
+    /// Up to where its neighbours have cut, m, where no cut has come past the marker: what is before that holds at the
+    /// marker, whichever links they parted.
     neighbours_m: Option<Vec3>,
 }
 
@@ -127,8 +128,9 @@ impl FrontsAhead {
             distance_m.filter(|distance_m| *distance_m > at_m).map(|distance_m| way.position_m + way.ahead * distance_m)
         };
         let is_at_own = found.front_m.is_some_and(|distance_m| distance_m <= at_m);
+        let is_uncut = is_at_own || found.front_m.is_none();
         let neighbours_m =
-            found.farthest_m.filter(|_| is_at_own).map(|distance_m| way.position_m + way.ahead * distance_m);
+            found.farthest_m.filter(|_| is_uncut).map(|distance_m| way.position_m + way.ahead * distance_m);
         Self { own_m: ahead(found.front_m), facing_m: ahead(found.facing_m), is_at_own, neighbours_m }
     }
 }
