@@ -229,9 +229,8 @@ fn forty_strokes_make_little_energy(rate_hz: f64, seed: u64) {
     println!(
         "{rate_hz} Hz, seed {seed}: of {work_j:.2} J of work strokes made {made:.1e}, single steps {by_steps:.1e}"
     );
-    // The limit is 1e-3. Markers that slide along a front which lags behind the edge take no energy along.
-    assert!(made < 2e-3, "strokes made {made_j} J of nothing, {work_j} J were done");
-    assert!(by_steps < 1.2e-2, "steps made {made_by_steps_j} J of nothing, {work_j} J were done");
+    assert!(made < 1e-3, "strokes made {made_j} J of nothing, {work_j} J were done");
+    assert!(by_steps < 9e-3, "steps made {made_by_steps_j} J of nothing, {work_j} J were done");
 }
 
 #[test]

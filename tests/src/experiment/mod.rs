@@ -108,3 +108,16 @@ pub fn write(folder: &Path) -> Result<()> {
     let path = folder.join("experiment.md");
     std::fs::write(&path, report::markdown(&rows)).with_context(|| path.display().to_string())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_needle_of_one_marker_keeps_its_force_to_the_end() {
+        let row = row(&CAPSULE).unwrap();
+        let force = row.run.mean_force_n(DEPTH_M - 4e-3, DEPTH_M) / row.griffith_n;
+        println!("mean force of the last 4 mm over Gc w {force:.3}");
+        assert!((force - 1.0).abs() < 0.1, "{force}");
+    }
+}

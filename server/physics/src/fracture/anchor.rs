@@ -42,6 +42,10 @@ const TWO_CELLS: f64 = 2.8;
 /// and it must not run after it for nothing. Ours.
 const CAUGHT_UP_VOXELS: f64 = 0.05;
 
+/// A link that was ahead is so as long as it is that near to being the next, voxels: a marker that stands where links change
+/// would go to and fro between two elements, and push each in turn. Ours.
+const KEPT_VOXELS: f64 = 0.1;
+
 /// What lies ahead of a marker.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Ahead {
@@ -86,6 +90,8 @@ pub(super) struct Anchor {
     /// Where the crack ends on its way as the step began, reference configuration: up to its own front it is in a cut,
     /// and what is before one that faces it holds, whichever links have parted.
     fronts: FrontsAhead,
+    /// The link that it found ahead.
+    link: Option<LinkId>,
     /// Where it was when it looked ahead, reference configuration, m.
     looked_m: Vec3,
     /// Unit normal into the surface that the edge came in through, reference configuration.
@@ -147,6 +153,7 @@ impl Anchor {
             half_width_m,
             ahead: Ahead::Outside,
             fronts: FrontsAhead::default(),
+            link: None,
             looked_m: point.position_m,
             inward,
             yielded: false,
@@ -331,6 +338,7 @@ impl Anchor {
         let axis = link.axis as usize;
         let ends = [grid.voxel_at(link.cell), grid.voxel_at(link.upper())];
         let before = *self;
+        self.link = Some(link);
         self.spread_m = Vec3::zeros();
         match ends {
             [Some(lower), Some(upper)] if joined(body, lower, upper) => {
@@ -393,8 +401,19 @@ impl Anchor {
         [if (a_m - was_m).norm() <= (b_m - was_m).norm() { lower } else { upper }; 2]
     }
 
-    /// The link that [`Self::find_link_ahead`] finds, under the deformation gradient `f`.
+    /// The link that [`Self::find_link_ahead`] finds, under the deformation gradient `f`: the one that it found before while
+    /// that is about as far.
     fn link_ahead(&self, body: &Body, f: &Mat3, frame: &BladeFrame) -> LinkAhead {
+        let next = self.link_beyond(body, f, frame, 0.0);
+        if self.link == Some(next.link) {
+            return next;
+        }
+        let kept = self.link_beyond(body, f, frame, KEPT_VOXELS);
+        if self.link == Some(kept.link) { kept } else { next }
+    }
+
+    /// The link ahead of a point that is so far ahead, voxels.
+    fn link_beyond(&self, body: &Body, f: &Mat3, frame: &BladeFrame, beyond_voxels: f64) -> LinkAhead {
         let grid = &body.state.grid;
         let h = grid.voxel_size_m();
         let ahead = pulled_back(f, &frame.forward).normalize();
@@ -403,7 +422,7 @@ impl Anchor {
         // A point of the plane half a voxel off in one of the other axes is this far off along `ahead`.
         let along = |a: usize| (ahead[a] - ahead[axis] * normal[a] / normal[axis]).abs();
         let reach = 0.5 * (0..3).filter(|a| *a != axis).map(along).sum::<f64>();
-        let at = self.position_m + ahead * (reach.max(0.5) * h);
+        let at = self.position_m + ahead * ((reach.max(0.5) + beyond_voxels) * h);
         let cell = grid.cell_of(&at);
         let centre = grid.centre_m(cell);
         // The plane's height over the centre of the column, not over the marker.

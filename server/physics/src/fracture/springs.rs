@@ -87,7 +87,7 @@ impl FrontContact {
         lateral.bilateral = true;
         // Found farther in, or more to the side, than work has pressed it, an edge does not push for that: it would make
         // energy. One that touches for the first time is in by its way in a step at most; one that cuts is as far in as its
-        // cap, whatever element it has come to.
+        // cap, whatever element it has come to, and beyond that as far as the front lagged behind it.
         let comes_out_m = COMES_OUT_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
         if forward.mode != Mode::Yield {
             let touches_first = forward.mode == Mode::Off && !anchor.yielded;
@@ -95,6 +95,10 @@ impl FrontContact {
             let most_m = pressed_m(forward.stiffness_n_per_m, anchor.stored_j)
                 + if touches_first { way_in_m.max(comes_out_m) } else { comes_out_m };
             shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
+        } else if forward.yield_n > 0.0 && forward.yield_n.is_finite() {
+            let cap_m = cap_m(&forward);
+            let lag_m = (anchor.stored_j / forward.yield_n - 0.5 * cap_m).max(0.0);
+            shift_gap(&mut forward, |gap_m| gap_m.min(cap_m + lag_m + comes_out_m));
         }
         let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_out_m;
         let carried_m = -shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
