@@ -72,6 +72,11 @@ impl Way {
         Self { position_m, ahead, along: across.normalize() }
     }
 
+    /// What an offset is along the front, ahead, and beside the plane of the two, m.
+    fn components_m(&self, offset_m: &Vec3) -> [f64; 3] {
+        [self.along, self.ahead, self.ahead.cross(&self.along)].map(|axis| offset_m.dot(&axis))
+    }
+
     /// Where an end crosses it: how far ahead, m, and how far from the end's middle, over half of its length.
     fn crosses(&self, end: &End, voxel_size_m: f64) -> Option<(f64, f64)> {
         let to = end.position_m - self.position_m;
@@ -81,20 +86,17 @@ impl Way {
             return None;
         }
         let from_middle = -aside_m / half_m;
-        let at = to + end.half_m * from_middle;
-        let ahead_m = at.dot(&self.ahead);
-        let beside_m = at.dot(&self.ahead.cross(&self.along));
+        let [_, ahead_m, beside_m] = self.components_m(&(to + end.half_m * from_middle));
         let is_near = ahead_m.abs() <= REACH_VOXELS * voxel_size_m && beside_m.abs() <= BESIDE_VOXELS * voxel_size_m;
         is_near.then_some((ahead_m, from_middle.abs()))
     }
 
     /// How far ahead an end is that goes the same way beside it, m.
     fn has_beside(&self, end: &End, voxel_size_m: f64) -> Option<f64> {
-        let to = end.position_m - self.position_m;
-        let ahead_m = to.dot(&self.ahead);
+        let [aside_m, ahead_m, beside_m] = self.components_m(&(end.position_m - self.position_m));
         let near = ahead_m.abs() <= REACH_VOXELS * voxel_size_m
-            && to.dot(&self.along).abs() <= ASIDE_VOXELS * voxel_size_m
-            && to.dot(&self.ahead.cross(&self.along)).abs() <= BESIDE_VOXELS * voxel_size_m;
+            && aside_m.abs() <= ASIDE_VOXELS * voxel_size_m
+            && beside_m.abs() <= BESIDE_VOXELS * voxel_size_m;
         (near && end.ahead.dot(&self.ahead) > 0.0).then_some(ahead_m)
     }
 }
@@ -217,9 +219,7 @@ impl Crack {
         let [low_m, high_m] = reach_m;
         let (mut cut_m2, mut width_m) = (0.0, 0.0);
         self.ends.retain(|end| {
-            let to = end.position_m - way.position_m;
-            let [aside_m, ahead_m, beside_m] =
-                [way.along, way.ahead, way.ahead.cross(&way.along)].map(|axis| to.dot(&axis));
+            let [aside_m, ahead_m, beside_m] = way.components_m(&(end.position_m - way.position_m));
             let is_in = (low_m..=high_m).contains(&aside_m)
                 && (-voxel_size_m..=length_m).contains(&ahead_m)
                 && beside_m.abs() <= BESIDE_VOXELS * voxel_size_m

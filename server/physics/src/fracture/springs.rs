@@ -89,17 +89,11 @@ impl FrontContact {
         // energy. One that touches for the first time is in by its way in a step at most; one that cuts is as far in as its
         // cap, whatever element it has come to, and beyond that as far as the front lagged behind it.
         let comes_out_m = COMES_OUT_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
-        if forward.mode != Mode::Yield {
-            let touches_first = forward.mode == Mode::Off && !anchor.yielded;
-            let way_in_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
-            let most_m = pressed_m(forward.stiffness_n_per_m, anchor.stored_j)
-                + if touches_first { way_in_m.max(comes_out_m) } else { comes_out_m };
-            shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
-        } else if forward.yield_n > 0.0 && forward.yield_n.is_finite() {
-            let cap_m = cap_m(&forward);
-            let lag_m = (anchor.stored_j / forward.yield_n - 0.5 * cap_m).max(0.0);
-            shift_gap(&mut forward, |gap_m| gap_m.min(cap_m + lag_m + comes_out_m));
-        }
+        let touches_first = forward.mode == Mode::Off && !anchor.yielded;
+        let way_in_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
+        let most_m = pressed_to_m(&forward, anchor.stored_j)
+            + if touches_first { way_in_m.max(comes_out_m) } else { comes_out_m };
+        shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
         let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_out_m;
         let carried_m = -shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
         lateral.mode = lateral_mode(&forward);
@@ -215,6 +209,16 @@ fn held_j(forward: &Contact, gap_m: f64) -> f64 {
     let gap_m = gap_m.max(0.0);
     let held_m = gap_m.min(cap_m(forward));
     forward.stiffness_n_per_m * held_m * (gap_m - 0.5 * held_m)
+}
+
+/// The gap that so much energy has pressed it to, m, by [`held_j`]: its cap at least while it yields, any where that takes
+/// no force.
+fn pressed_to_m(forward: &Contact, held_j: f64) -> f64 {
+    match forward.mode {
+        Mode::Yield if forward.yield_n == 0.0 => f64::INFINITY,
+        Mode::Yield => cap_m(forward) + (held_j / forward.yield_n - 0.5 * cap_m(forward)).max(0.0),
+        Mode::Off | Mode::Spring => pressed_m(forward.stiffness_n_per_m, held_j),
+    }
 }
 
 /// Begins the step at another gap; returns what that adds.

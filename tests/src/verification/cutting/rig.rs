@@ -132,8 +132,13 @@ impl Rig {
     /// # Errors
     /// A step had a fault.
     pub fn drive(&mut self, by_m: Vec3) -> Result<()> {
-        let steps = (by_m.norm() / (self.speed_m_per_s * self.dt_s)).round().max(1.0);
+        let steps = self.steps(by_m.norm());
         (0..steps as usize).try_for_each(|_| self.go(by_m / steps))
+    }
+
+    /// Whole steps that a way takes.
+    fn steps(&self, way_m: f64) -> f64 {
+        (way_m / (self.speed_m_per_s * self.dt_s)).round().max(1.0)
     }
 
     /// Takes the edge on by a step's way.
@@ -157,7 +162,7 @@ impl Rig {
     /// # Errors
     /// A step had a fault.
     pub fn ease(&mut self, by_m: f64) -> Result<()> {
-        let steps = (by_m.abs() / (self.speed_m_per_s * self.dt_s)).round().max(1.0);
+        let steps = self.steps(by_m.abs());
         let gone = |step: f64| (3.0 - 2.0 * step / steps) * (step / steps).powi(2);
         for step in 1..=steps as usize {
             self.go(self.forward * (by_m * (gone(step as f64) - gone(step as f64 - 1.0))))?;
