@@ -235,6 +235,21 @@ fn neighbours_that_part_the_links_ahead_of_a_front_do_not_set_it_free() {
     assert!(cut_j > 0.5 && lost_j.abs() < 0.01 * cut_j, "{lost_j} J of {cut_j} J");
 }
 
+#[test]
+fn an_edge_that_presses_on_a_dome_makes_no_energy() {
+    let radius_m = 0.0345;
+    let mut object = super::support::object([-radius_m; 3], [radius_m; 3], H_M, 2);
+    object.shape = ShapeDesc::Ellipsoid { center_m: [0.0; 3], semi_axes_m: [radius_m; 3] };
+    object.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, -2.0 * H_M, 1.0] }];
+    object.material.fracture_energy_j_per_m2 = Some(5e3);
+    object.material.strain_stiffening = 3.0;
+    let mut rig = rig(object, 0.06, Vec3::new(0.0, radius_m + 5e-4, 0.0));
+    rig.drive(0.008);
+    let [work_j, lost_j] = [rig.sum(|s| s.energy.tool_work_j), rig.sum(|s| s.energy.contact_loss_j)];
+    println!("contact loss over work {:.5}", lost_j / work_j);
+    assert!(rig.sum(|s| s.area_m2) == 0.0 && (-1e-3..0.02).contains(&(lost_j / work_j)), "{lost_j} J of {work_j} J");
+}
+
 fn real_tissue_gives_at_gc(level: u8) {
     let (h, gc) = (3.5e-3, 200.0);
     let (side, height) = (16.0 * h, 17.0 * h);

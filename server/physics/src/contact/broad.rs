@@ -39,9 +39,11 @@ impl SpatialHash {
         self.boxes.clear();
         self.entries.clear();
         self.cell_m = body.lattice_edge_m();
+        // Between the surface and a voxel whose centre is outside.
+        let skin_m = 0.5 * body.state.grid.voxel_size_m();
         let mut met = [false; N];
         for id in body.elements_near(near) {
-            let aabb = body.element_box(id);
+            let aabb = body.element_box(id).grown(skin_m);
             for (near, met) in near.iter().zip(&mut met).filter(|(near, _)| aabb.meets(near)) {
                 *met = true;
                 // Only what can be asked for: an inflated element does not flood the hash.

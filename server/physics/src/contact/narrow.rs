@@ -4,22 +4,78 @@
 use super::broad::SpatialHash;
 use crate::Vec3;
 use crate::body::Body;
-use crate::grid::MaterialPoint;
+use crate::grid::{Ijk, MaterialPoint, VoxelId};
 
 /// A point within this fraction of an element's edge of its boundary is in it, so that rounding does not put
 /// a point between two elements into neither. Rounding is some 1e-13 of an edge.
 const BOUNDARY: f64 = 1e-9;
 
-/// The material point that lies at a scene position, if it is inside the tissue: in a filled voxel of
-/// the element that maps it there, and behind the object's own surface.
+/// The material point that lies at a scene position, if it is inside the tissue: behind the object's own surface, in an
+/// element that maps it there and that carries it.
 #[must_use]
 pub fn locate(body: &Body, hash: &SpatialHash, point_m: &Vec3) -> Option<MaterialPoint> {
     hash.around(point_m).find_map(|element| {
         let position_m = body.invert_map(element as usize, point_m)?;
+        if body.state.grid.signed_distance_m(&position_m) >= 0.0 {
+            return None;
+        }
         let middle_m = body.rest_centre_m(element as usize);
         let drawn_in_m = position_m + (middle_m - position_m) * BOUNDARY;
-        let voxel = body.state.grid.voxel_at(body.state.grid.cell_of(&drawn_in_m))?;
-        let inside = body.element_of(voxel) == element as usize && body.state.grid.signed_distance_m(&position_m) < 0.0;
-        inside.then_some(MaterialPoint { position_m, voxel })
+        let voxel = voxel_at(body, element as usize, &drawn_in_m)?;
+        Some(MaterialPoint { position_m, voxel })
     })
+}
+
+/// The voxel of an element that a reference position belongs to. Between the surface and a voxel whose centre is outside,
+/// that is the nearest one.
+fn voxel_at(body: &Body, element: usize, position_m: &Vec3) -> Option<VoxelId> {
+    let grid = &body.state.grid;
+    let cell = grid.cell_of(position_m);
+    if let Some(own) = grid.voxel_at(cell) {
+        return Some(own).filter(|voxel| body.element_of(*voxel) == element);
+    }
+    if grid.signed_distance_m(&grid.centre_m(cell)) < 0.0 {
+        return None;
+    }
+    let beside = (0..27).map(|index| [index % 3, index / 3 % 3, index / 9]);
+    let cells = beside.map(|by| [0, 1, 2].map(|axis| cell[axis] + by[axis] - 1));
+    let distance_m = |cell: &Ijk| (grid.centre_m(*cell) - position_m).norm();
+    cells
+        .filter_map(|cell| grid.voxel_at(cell).filter(|voxel| body.element_of(*voxel) == element).map(|v| (v, cell)))
+        .min_by(|a, b| distance_m(&a.1).total_cmp(&distance_m(&b.1)))
+        .map(|(voxel, _)| voxel)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Aabb;
+
+    const BALL: &str = r#"
+version = 1
+name = "ball"
+[[objects]]
+name = "ball"
+shape = { ellipsoid = { center_m = [0.0, 0.0, 0.0], semi_axes_m = [0.03, 0.03, 0.03] } }
+voxel_size_m = 0.0025
+level = 2
+material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
+"#;
+
+    #[test]
+    fn what_is_behind_the_surface_is_in_the_tissue_and_what_is_before_it_is_not() {
+        let body = Body::of_text(BALL);
+        let mut hash = SpatialHash::default();
+        hash.rebuild(&body, &Aabb::around([Vec3::repeat(-0.04), Vec3::repeat(0.04)]));
+        let h = body.state.grid.voxel_size_m();
+        for turn in 0..2000 {
+            // Evenly over the sphere.
+            let y = (f64::from(turn) + 0.5) / 1000.0 - 1.0;
+            let (sin, cos) = (2.4 * f64::from(turn)).sin_cos();
+            let out = Vec3::new(cos * (1.0 - y * y).sqrt(), y, sin * (1.0 - y * y).sqrt());
+            // The surface is trilinear between the centres of voxels.
+            let [inside, outside] = [-0.1, 0.1].map(|off| locate(&body, &hash, &(out * (0.03 + off * h))));
+            assert!(inside.is_some() && outside.is_none(), "{out:?}: {inside:?}, {outside:?}");
+        }
+    }
 }
