@@ -91,7 +91,7 @@ impl FrontContact {
         let comes_out_m = COMES_OUT_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
         let touches_first = forward.mode == Mode::Off && !anchor.yielded;
         let way_in_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
-        let most_m = pressed_to_m(&forward, anchor.stored_j - anchor.beside_j)
+        let most_m = pressed_to_m(&forward, anchor.stored_j)
             + if touches_first { way_in_m.max(comes_out_m) } else { comes_out_m };
         shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
         let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_out_m;
