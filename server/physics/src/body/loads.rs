@@ -2,7 +2,7 @@
 
 use super::Body;
 use crate::Vec3;
-use crate::grid::{Grid, Ijk, MaterialPoint, VoxelId, voxelize};
+use crate::grid::{Grid, MaterialPoint, VoxelId, voxelize};
 use crate::scene::{Face, LoadDesc, Meshes, ObjectDesc, SceneError};
 use std::collections::BTreeMap;
 
@@ -100,10 +100,8 @@ pub(super) fn loads_of(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Res
         }
     }
     for (index, voxel) in grid.voxels().iter().enumerate() {
-        let cell = voxel.ijk;
-        let mut around = (0..27).map(|n| [cell[0] - 1 + n % 3, cell[1] - 1 + n / 3 % 3, cell[2] - 1 + n / 9]);
-        let is_held = |cell: Ijk| grid.voxel_at(cell).is_some_and(|voxel| holds[voxel.index()] == Hold::Held);
-        if holds[index] == Hold::Free && around.any(is_held) {
+        let is_held = |beside: VoxelId| holds[beside.index()] == Hold::Held;
+        if holds[index] == Hold::Free && grid.voxels_around(voxel.ijk).any(is_held) {
             holds[index] = Hold::Beside;
         }
     }

@@ -39,7 +39,7 @@ impl SpatialHash {
         self.boxes.clear();
         self.entries.clear();
         self.cell_m = body.lattice_edge_m();
-        // Between the surface and a voxel whose centre is outside.
+        // The surface is up to so far beyond the voxels that elements are made of.
         let skin_m = 0.5 * body.state.grid.voxel_size_m();
         let mut met = [false; N];
         for id in body.elements_near(near) {

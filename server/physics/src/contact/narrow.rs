@@ -4,7 +4,7 @@
 use super::broad::SpatialHash;
 use crate::Vec3;
 use crate::body::Body;
-use crate::grid::{Ijk, MaterialPoint, VoxelId};
+use crate::grid::{Grid, MaterialPoint, VoxelId};
 
 /// A point within this fraction of an element's edge of its boundary is in it, so that rounding does not put
 /// a point between two elements into neither. Rounding is some 1e-13 of an edge.
@@ -14,36 +14,28 @@ const BOUNDARY: f64 = 1e-9;
 /// element that maps it there and that carries it.
 #[must_use]
 pub fn locate(body: &Body, hash: &SpatialHash, point_m: &Vec3) -> Option<MaterialPoint> {
+    let grid = &body.state.grid;
     hash.around(point_m).find_map(|element| {
         let position_m = body.invert_map(element as usize, point_m)?;
-        if body.state.grid.signed_distance_m(&position_m) >= 0.0 {
-            return None;
-        }
         let middle_m = body.rest_centre_m(element as usize);
         let drawn_in_m = position_m + (middle_m - position_m) * BOUNDARY;
-        let voxel = voxel_at(body, element as usize, &drawn_in_m)?;
+        let carries = |voxel: &VoxelId| body.element_of(*voxel) == element as usize;
+        let own = grid.voxel_at(grid.cell_of(&drawn_in_m));
+        if own.is_some_and(|voxel| !carries(&voxel)) || grid.signed_distance_m(&position_m) >= 0.0 {
+            return None;
+        }
+        let voxel = own.or_else(|| voxel_behind(grid, &drawn_in_m, carries))?;
         Some(MaterialPoint { position_m, voxel })
     })
 }
 
-/// The voxel of an element that a reference position belongs to. Between the surface and a voxel whose centre is outside,
-/// that is the nearest one.
-fn voxel_at(body: &Body, element: usize, position_m: &Vec3) -> Option<VoxelId> {
-    let grid = &body.state.grid;
+/// The nearest of such voxels to a reference position between the surface and a voxel whose centre is outside.
+fn voxel_behind(grid: &Grid, position_m: &Vec3, is_such: impl Fn(&VoxelId) -> bool) -> Option<VoxelId> {
     let cell = grid.cell_of(position_m);
-    if let Some(own) = grid.voxel_at(cell) {
-        return Some(own).filter(|voxel| body.element_of(*voxel) == element);
-    }
-    if grid.signed_distance_m(&grid.centre_m(cell)) < 0.0 {
-        return None;
-    }
-    let beside = (0..27).map(|index| [index % 3, index / 3 % 3, index / 9]);
-    let cells = beside.map(|by| [0, 1, 2].map(|axis| cell[axis] + by[axis] - 1));
-    let distance_m = |cell: &Ijk| (grid.centre_m(*cell) - position_m).norm();
-    cells
-        .filter_map(|cell| grid.voxel_at(cell).filter(|voxel| body.element_of(*voxel) == element).map(|v| (v, cell)))
-        .min_by(|a, b| distance_m(&a.1).total_cmp(&distance_m(&b.1)))
-        .map(|(voxel, _)| voxel)
+    let is_outside = grid.signed_distance_m(&grid.centre_m(cell)) >= 0.0;
+    let distance_m = |voxel: &VoxelId| (grid.centre_m(grid.voxels()[voxel.index()].ijk) - position_m).norm();
+    let around = grid.voxels_around(cell).filter(|voxel| is_outside && is_such(voxel));
+    around.min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)))
 }
 
 #[cfg(test)]

@@ -245,6 +245,12 @@ impl Grid {
         self.cells.voxel_at(cell)
     }
 
+    /// Voxels in `cell` and in the 26 cells around it.
+    pub(crate) fn voxels_around(&self, cell: Ijk) -> impl Iterator<Item = VoxelId> + '_ {
+        let around = (0..27).map(move |n| [cell[0] - 1 + n % 3, cell[1] - 1 + n / 3 % 3, cell[2] - 1 + n / 9]);
+        around.filter_map(|cell| self.voxel_at(cell))
+    }
+
     /// Centre of a cell in the reference configuration, m.
     #[must_use]
     pub fn centre_m(&self, cell: Ijk) -> Vec3 {
