@@ -4,7 +4,7 @@
 //! point: each stays where it is relative to the tool, on springs in three directions that push and
 //! pull. The points belong to voxels, so a cut through what is held leaves each with its own side.
 
-use super::broad::SpatialHash;
+use super::broad::NearElements;
 use super::{Contact, Mode, ToolEnds, narrow};
 use crate::Vec3;
 use crate::body::Body;
@@ -43,7 +43,7 @@ pub struct Grasp {
     spacing_m: f64,
     held: Vec<HeldPoint>,
     #[serde(skip)]
-    hash: SpatialHash,
+    near: NearElements,
     /// Springs of the step that is being taken, three per held point.
     pub contacts: Vec<Contact>,
 }
@@ -68,13 +68,13 @@ impl Grasp {
             contacts: Vec::new(),
             places_m: places_m.into(),
             spacing_m,
-            hash: SpatialHash::default(),
+            near: NearElements::default(),
         }
     }
 
     /// Room for all elements of the body around the jaws, and for all that they can hold.
     pub fn reserve(&mut self, elements: usize) {
-        self.hash.reserve(elements);
+        self.near.reserve(elements);
         self.held.reserve(self.places_m.len() - self.held.len());
         self.contacts.reserve(self.most_springs() - self.contacts.len());
     }
@@ -110,9 +110,9 @@ impl Grasp {
 
     /// Holds the tissue where it is: no spring starts with a force.
     fn take_hold(&mut self, body: &Body, pose: &Pose) {
-        self.hash.rebuild(body, &Aabb::around([pose.position_m]).grown(self.grasper.radius_m));
+        self.near.find(body, [Aabb::around([pose.position_m]).grown(self.grasper.radius_m)]);
         for place_m in self.places_m.iter() {
-            if let Some(point) = narrow::locate(body, &self.hash, &pose.transform(place_m)) {
+            if let Some(point) = narrow::locate(body, &self.near, &pose.transform(place_m)) {
                 let young_modulus_pa = body.material_of(point.voxel).young_modulus_pa;
                 let stiffness_n_per_m = STIFFNESS * young_modulus_pa * self.spacing_m;
                 self.held.push(HeldPoint { point, place_m: *place_m, stiffness_n_per_m });

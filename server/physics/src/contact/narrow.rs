@@ -1,7 +1,7 @@
 //! Narrow phase: where a point of a tool is in the material, by signed distance in the reference
 //! configuration.
 
-use super::broad::SpatialHash;
+use super::broad::NearElements;
 use crate::Vec3;
 use crate::body::Body;
 use crate::grid::{Grid, MaterialPoint, VoxelId};
@@ -13,9 +13,9 @@ const BOUNDARY: f64 = 1e-9;
 /// The material point that lies at a scene position, if it is inside the tissue: behind the object's own surface, in an
 /// element that maps it there and that carries it.
 #[must_use]
-pub fn locate(body: &Body, hash: &SpatialHash, point_m: &Vec3) -> Option<MaterialPoint> {
+pub fn locate(body: &Body, near: &NearElements, point_m: &Vec3) -> Option<MaterialPoint> {
     let grid = &body.state.grid;
-    hash.around(point_m).find_map(|element| {
+    near.around(point_m).find_map(|element| {
         let position_m = body.invert_map(element as usize, point_m)?;
         let middle_m = body.rest_centre_m(element as usize);
         let drawn_in_m = position_m + (middle_m - position_m) * BOUNDARY;
@@ -57,8 +57,8 @@ material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
     #[test]
     fn what_is_behind_the_surface_is_in_the_tissue_and_what_is_before_it_is_not() {
         let body = Body::of_text(BALL);
-        let mut hash = SpatialHash::default();
-        hash.rebuild(&body, &Aabb::around([Vec3::repeat(-0.04), Vec3::repeat(0.04)]));
+        let mut near = NearElements::default();
+        near.find(&body, [Aabb::around([Vec3::repeat(-0.04), Vec3::repeat(0.04)])]);
         let h = body.state.grid.voxel_size_m();
         for turn in 0..2000 {
             // Evenly over the sphere.
@@ -66,7 +66,7 @@ material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
             let (sin, cos) = (2.4 * f64::from(turn)).sin_cos();
             let out = Vec3::new(cos * (1.0 - y * y).sqrt(), y, sin * (1.0 - y * y).sqrt());
             // The surface is trilinear between the centres of voxels.
-            let [inside, outside] = [-0.1, 0.1].map(|off| locate(&body, &hash, &(out * (0.03 + off * h))));
+            let [inside, outside] = [-0.1, 0.1].map(|off| locate(&body, &near, &(out * (0.03 + off * h))));
             assert!(inside.is_some() && outside.is_none(), "{out:?}: {inside:?}, {outside:?}");
         }
     }

@@ -6,7 +6,7 @@ use super::entry::{grazes, inward, is_on_surface, surface_behind};
 use super::way_in::{WayIn, way_in};
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::broad::SpatialHash;
+use crate::contact::broad::NearElements;
 use crate::contact::{Mode, narrow};
 use crate::grid::MaterialPoint;
 use crate::tool::frame::BladeFrame;
@@ -49,7 +49,7 @@ pub struct Tissue<'a> {
     /// The body.
     pub body: &'a Body,
     /// Its elements near the edge.
-    pub hash: &'a SpatialHash,
+    pub near: &'a NearElements,
     /// Where its cuts end.
     pub crack: &'a Crack,
 }
@@ -85,8 +85,8 @@ pub(super) struct Edge {
 impl Edge {
     /// A marker that was outside: still is, or the edge has come in through a surface.
     pub(super) fn enter(&self, tissue: &Tissue<'_>, beside: Option<Beside>) -> Marker {
-        let Tissue { body, hash, crack } = *tissue;
-        let Some(WayIn { point, at_m, last_m, fraction }) = way_in(body, hash, &self.before_m, &self.now_m) else {
+        let Tissue { body, near, crack } = *tissue;
+        let Some(WayIn { point, at_m, last_m, fraction }) = way_in(body, near, &self.before_m, &self.now_m) else {
             return Marker::Outside;
         };
         let velocity = body.weights(&point).sum(&body.state.velocity_m_per_s);
@@ -161,7 +161,7 @@ impl Edge {
 
     /// A marker that was in contact: still is, or has let go.
     pub(super) fn keep(&self, tissue: &Tissue<'_>, mut anchor: Anchor) -> Marker {
-        let Tissue { body, hash, crack } = *tissue;
+        let Tissue { body, near, crack } = *tissue;
         let h = body.state.grid.voxel_size_m();
         let was_m = anchor.current_m(body);
         anchor.look_ahead(body, crack, &self.frame);
@@ -170,15 +170,15 @@ impl Edge {
             return if anchor.yielded { Marker::Lost } else { Marker::Buried };
         }
         let opened = offset.dot(&self.frame.forward) + anchor.behind_m < -RELEASE_VOXELS * h;
-        let gone = opened && (!anchor.yielded || narrow::locate(body, hash, &self.now_m).is_none());
+        let gone = opened && (!anchor.yielded || narrow::locate(body, near, &self.now_m).is_none());
         if gone { Marker::Outside } else { self.unless_lost(tissue, anchor, &was_m) }
     }
 
     /// A marker that `was` buried or lost: still is, has come out, or goes forward. Then it cuts on with a neighbour that
     /// cuts. One that was lost, as where all were carried off the front, cuts on from where it is.
     pub(super) fn emerge_or_go_on(&self, tissue: &Tissue<'_>, was: Marker, beside: Option<Beside>) -> Marker {
-        let Tissue { body, hash, .. } = *tissue;
-        let Some(point) = within(body, hash, &self.now_m) else { return Marker::Outside };
+        let Tissue { body, near, .. } = *tissue;
+        let Some(point) = within(body, near, &self.now_m) else { return Marker::Outside };
         let velocity = body.weights(&point).sum(&body.state.velocity_m_per_s);
         let came_m = self.now_m - self.before_m - velocity * body.dt_s();
         let [forward_m, slid_m] = [self.frame.forward, self.frame.along].map(|way| came_m.dot(&way));
@@ -193,15 +193,15 @@ impl Edge {
 
     /// A marker that was buried: still is, or has come out.
     pub(super) fn emerge(&self, tissue: &Tissue<'_>) -> Marker {
-        if within(tissue.body, tissue.hash, &self.now_m).is_some() { Marker::Buried } else { Marker::Outside }
+        if within(tissue.body, tissue.near, &self.now_m).is_some() { Marker::Buried } else { Marker::Outside }
     }
 }
 
 /// A marker whose segment of the edge is put down at `at_m`: in the tissue it goes on from there at once, as at the end
 /// of a cut.
 pub(super) fn put_down(tissue: &Tissue<'_>, at_m: &Vec3, frame: &BladeFrame, half_width_m: f64) -> Marker {
-    let Tissue { body, hash, crack } = *tissue;
-    let Some(point) = within(body, hash, at_m) else { return Marker::Outside };
+    let Tissue { body, near, crack } = *tissue;
+    let Some(point) = within(body, near, at_m) else { return Marker::Outside };
     let mut anchor = Anchor::at(point, frame.forward, half_width_m);
     anchor.yielded = true;
     anchor.start_here(body, crack, frame);
@@ -210,7 +210,7 @@ pub(super) fn put_down(tissue: &Tissue<'_>, at_m: &Vec3, frame: &BladeFrame, hal
 
 /// The material at a point of an edge that has not come in through a surface. At the surface itself, where rounding
 /// would tell, it is outside.
-fn within(body: &Body, hash: &SpatialHash, at_m: &Vec3) -> Option<MaterialPoint> {
+fn within(body: &Body, near: &NearElements, at_m: &Vec3) -> Option<MaterialPoint> {
     let skin_m = SKIN_VOXELS * body.state.grid.voxel_size_m();
-    narrow::locate(body, hash, at_m).filter(|p| -body.state.grid.signed_distance_m(&p.position_m) > skin_m)
+    narrow::locate(body, near, at_m).filter(|p| -body.state.grid.signed_distance_m(&p.position_m) > skin_m)
 }

@@ -2,7 +2,7 @@
 
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::broad::SpatialHash;
+use crate::contact::broad::NearElements;
 use crate::contact::narrow;
 use crate::grid::MaterialPoint;
 
@@ -24,7 +24,7 @@ pub(super) struct WayIn {
 }
 
 /// The way in between two positions; the tissue as it is at the beginning of the step.
-pub(super) fn way_in(body: &Body, hash: &SpatialHash, before_m: &Vec3, now_m: &Vec3) -> Option<WayIn> {
+pub(super) fn way_in(body: &Body, near: &NearElements, before_m: &Vec3, now_m: &Vec3) -> Option<WayIn> {
     let way_m = now_m - before_m;
     let count = (way_m.norm() / (SPACING_VOXELS * body.state.grid.voxel_size_m())).ceil().clamp(1.0, MOST_POINTS);
     let fraction = 1.0 / count;
@@ -32,7 +32,7 @@ pub(super) fn way_in(body: &Body, hash: &SpatialHash, before_m: &Vec3, now_m: &V
     for step in 1..=count as u32 {
         let left = fraction * (count - f64::from(step));
         let at_m = now_m - way_m * left;
-        if let Some(point) = narrow::locate(body, hash, &at_m) {
+        if let Some(point) = narrow::locate(body, near, &at_m) {
             return Some(WayIn { point, at_m, last_m, fraction });
         }
         last_m = at_m;

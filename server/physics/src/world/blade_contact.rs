@@ -1,7 +1,7 @@
 //! One blade in one body: its front, its flanks and the elements near it.
 
 use crate::body::Body;
-use crate::contact::broad::SpatialHash;
+use crate::contact::broad::NearElements;
 use crate::contact::flank::WallsBeside;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::{BladeMotion, Crack, Front, FrontBook, Tissue};
@@ -23,7 +23,7 @@ pub(super) struct BladeContact {
     pub(super) flanks: Vec<Contact>,
     beside: WallsBeside,
     #[serde(skip)]
-    hash: SpatialHash,
+    near: NearElements,
 }
 
 impl BladeContact {
@@ -35,7 +35,7 @@ impl BladeContact {
             mount,
             flanks: Vec::new(),
             beside: WallsBeside::default(),
-            hash: SpatialHash::default(),
+            near: NearElements::default(),
         }
     }
 
@@ -47,7 +47,7 @@ impl BladeContact {
         self.front.reserve();
         self.flanks.reserve(walls.min(ROOM_FOR_SPRINGS).saturating_sub(self.flanks.len()));
         self.beside.reserve(walls);
-        self.hash.reserve(elements);
+        self.near.reserve(elements);
     }
 
     pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
@@ -94,12 +94,12 @@ impl BladeContact {
         let motion = motion(&self.blade, self.mount, path);
         let poses = [&motion.before, &motion.pose];
         let swept = motion.blade.swept_boxes(poses, body.state.grid.voxel_size_m());
-        let near = self.hash.rebuild_near(body, swept);
-        let tissue = Tissue { body, hash: &self.hash, crack };
+        let met = self.near.find(body, swept);
+        let tissue = Tissue { body, near: &self.near, crack };
         if path.entered {
             self.front.enter(&tissue, &motion);
         }
-        self.front.detect(&tissue, &motion, near);
+        self.front.detect(&tissue, &motion, met);
         self.beside.contacts(body, &motion.blade.flanks, poses, &mut self.flanks);
         for flank in &mut self.flanks {
             flank.stiffness_n_per_m *= self.blade.penalty_factor;

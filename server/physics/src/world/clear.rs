@@ -3,7 +3,7 @@
 use super::World;
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::broad::SpatialHash;
+use crate::contact::broad::NearElements;
 use crate::contact::{ON_SURFACE_VOXELS, narrow};
 use crate::math::Aabb;
 use crate::tool::blade::Blade;
@@ -72,10 +72,10 @@ fn is_free(body: &Body, mut points_m: impl Iterator<Item = Vec3> + Clone) -> boo
     if !near.meets(&body.bounds()) {
         return true;
     }
-    let mut hash = SpatialHash::default();
-    hash.rebuild(body, &near);
+    let mut elements = NearElements::default();
+    elements.find(body, [near]);
     let depth_m = |at_m: Vec3| {
-        let point = narrow::locate(body, &hash, &at_m)?;
+        let point = narrow::locate(body, &elements, &at_m)?;
         Some(-body.state.grid.signed_distance_m(&point.position_m))
     };
     !points_m.any(|at_m| depth_m(at_m).is_some_and(|depth_m| depth_m > on_surface_m(body)))
