@@ -86,13 +86,16 @@ impl FrontContact {
         lateral.stiffness_n_per_m *= edge.penalty_factor;
         lateral.bilateral = true;
         // Found farther in, or more to the side, than work has pressed it, an edge does not push for that: it would make
-        // energy. One that touches for the first time is in by its way in a step at most; one that cuts is as far in as its
-        // cap, whatever element it has come to, and beyond that as far as the front lagged behind it.
+        // energy. One that touches for the first time is in by its way in a step at most. One that dents stays pressed by
+        // its work alone: its markers slide along it to where the tissue is deeper. One that cuts is as far in as its cap,
+        // whatever element it has come to, and beyond that as far as the front lagged behind it.
         let comes_out_m = COMES_OUT_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
-        let touches_first = forward.mode == Mode::Off && !anchor.yielded;
         let way_in_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
-        let most_m = pressed_to_m(&forward, anchor.stored_j)
-            + if touches_first { way_in_m.max(comes_out_m) } else { comes_out_m };
+        let most_m = match forward.mode {
+            _ if anchor.yielded => pressed_to_m(&forward, anchor.stored_j) + comes_out_m,
+            Mode::Off => way_in_m.max(comes_out_m),
+            _ => pressed_to_m(&forward, anchor.stored_j - anchor.beside_j),
+        };
         shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
         let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_out_m;
         let carried_m = -shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
