@@ -219,8 +219,10 @@ fn held_j(forward: &Contact, gap_m: f64) -> f64 {
 fn pressed_to_m(forward: &Contact, held_j: f64) -> f64 {
     match forward.mode {
         Mode::Yield if forward.yield_n == 0.0 => f64::INFINITY,
-        Mode::Yield => cap_m(forward) + (held_j / forward.yield_n - 0.5 * cap_m(forward)).max(0.0),
-        Mode::Off | Mode::Spring => pressed_m(forward.stiffness_n_per_m, held_j),
+        Mode::Yield if held_j > 0.5 * forward.yield_n * cap_m(forward) => {
+            0.5 * cap_m(forward) + held_j / forward.yield_n
+        }
+        Mode::Off | Mode::Spring | Mode::Yield => pressed_m(forward.stiffness_n_per_m, held_j),
     }
 }
 
