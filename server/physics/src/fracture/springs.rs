@@ -33,6 +33,10 @@ const STEERS_WITHIN_VOXELS: f64 = 1.0;
 /// % off the mean force, twice adds 3 %; an edge that only presses does not know of it.
 const MOST_DRAG: f64 = 0.5;
 
+/// An edge that cuts and is farther ahead of its front than work has pressed it to comes out by this fraction of its way through
+/// the tissue, and makes its force times that of energy. Ours.
+const CATCHES_UP: f64 = 0.01;
+
 /// The springs of one marker during a step.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct FrontContact {
@@ -86,15 +90,16 @@ impl FrontContact {
         lateral.stiffness_n_per_m *= edge.penalty_factor;
         lateral.bilateral = true;
         // Found farther in, or more to the side, than work has pressed it, an edge does not push for that: it would make
-        // energy. One that touches for the first time is in by its way in a step at most. One that dents stays pressed by
-        // its work alone: its markers slide along it to where the tissue is deeper. One that cuts is as far in as its cap,
-        // whatever element it has come to, and beyond that as far as the front lagged behind it.
+        // energy.
         let comes_out_m = COMES_OUT_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
-        let way_in_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
+        let way_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
         let most_m = match forward.mode {
-            _ if anchor.yielded => pressed_to_m(&forward, anchor.stored_j) + comes_out_m,
-            Mode::Off => way_in_m.max(comes_out_m),
-            _ => pressed_to_m(&forward, anchor.stored_j - anchor.beside_j),
+            // One that touches for the first time is in by its way in a step at most.
+            Mode::Off if !anchor.yielded => way_m.max(comes_out_m),
+            _ => {
+                pressed_to_m(&forward, anchor.stored_j - anchor.beside_j)
+                    + if anchor.yielded { CATCHES_UP * way_m } else { 0.0 }
+            }
         };
         shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
         let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_out_m;
