@@ -235,19 +235,40 @@ fn neighbours_that_part_the_links_ahead_of_a_front_do_not_set_it_free() {
     assert!(cut_j > 0.5 && lost_j.abs() < 0.01 * cut_j, "{lost_j} J of {cut_j} J");
 }
 
-#[test]
-fn an_edge_that_presses_on_a_dome_makes_no_energy() {
-    let radius_m = 0.0345;
-    let mut object = super::support::object([-radius_m; 3], [radius_m; 3], H_M, 2);
-    object.shape = ShapeDesc::Ellipsoid { center_m: [0.0; 3], semi_axes_m: [radius_m; 3] };
-    object.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, -2.0 * H_M, 1.0] }];
+/// A dome of jelly under an edge as wide as it, pressed by so much of the way; what the contacts have made at most by any
+/// time, over the work.
+fn made_on_a_dome(way_m: f64) -> (Rig, f64) {
+    let (radius_m, height_m) = (0.0345, 0.055);
+    let mut object = super::support::object([-radius_m, 0.0, -radius_m], [radius_m, height_m, radius_m], H_M, 2);
+    object.shape = ShapeDesc::Ellipsoid { center_m: [0.0, 0.0, 0.0], semi_axes_m: [radius_m, height_m, radius_m] };
+    object.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 2.0 * H_M, 1.0] }];
+    object.material.young_modulus_pa = 1e6;
     object.material.fracture_energy_j_per_m2 = Some(5e3);
     object.material.strain_stiffening = 3.0;
-    let mut rig = rig(object, 0.06, Vec3::new(0.0, radius_m + 5e-4, 0.0));
-    rig.drive(0.008);
-    let [work_j, lost_j] = [rig.sum(|s| s.energy.tool_work_j), rig.sum(|s| s.energy.contact_loss_j)];
-    println!("contact loss over work {:.5}", lost_j / work_j);
-    assert!(rig.sum(|s| s.area_m2) == 0.0 && (-1e-3..0.02).contains(&(lost_j / work_j)), "{lost_j} J of {work_j} J");
+    let mut rig = rig(object, 0.06, Vec3::new(0.0, height_m + 5e-4, 0.0));
+    rig.drive(way_m);
+    let (mut lost_j, mut least_j) = (0.0f64, 0.0f64);
+    for sample in &rig.samples {
+        lost_j += sample.energy.contact_loss_j;
+        least_j = least_j.min(lost_j);
+    }
+    let work_j = rig.sum(|s| s.energy.tool_work_j);
+    println!("to {way_m} m: contact loss over work {:.5}, at least {:.1e}", lost_j / work_j, least_j / work_j);
+    assert!(lost_j < 0.02 * work_j, "{lost_j} J of {work_j} J");
+    (rig, -least_j / work_j)
+}
+
+#[test]
+fn an_edge_that_presses_on_a_dome_makes_no_energy() {
+    let (rig, made) = made_on_a_dome(0.012);
+    assert!(rig.sum(|s| s.area_m2) == 0.0 && made < 1e-6, "made {made} of the work");
+}
+
+/// Markers join the front of their neighbours.
+#[test]
+fn an_edge_that_cuts_into_a_dome_makes_no_energy() {
+    let (rig, made) = made_on_a_dome(0.04);
+    assert!(rig.sum(|s| s.area_m2) > 1e-3 && made < 1e-6, "made {made} of the work");
 }
 
 fn real_tissue_gives_at_gc(level: u8) {
