@@ -87,7 +87,8 @@ fn a_cut_takes_griffiths_balance_by_the_front_and_the_meshs_by_the_energy_of_lin
     hold(&family, "front: work", 0.02);
     hold(&family, "front: energy residual", 0.0);
     hold(&family, "link energy: energy residual", 0.0);
-    hold(&family, "link energy: first", 0.1);
+    // c_k is of small strains. It falls at larger loads, by a quarter where the linear law ends: on these meshes by a tenth.
+    hold(&family, "link energy: first", 0.12);
     let steady = family.tables[0].rows.iter().find(|r| r.case.starts_with("link energy: steady")).expect("a row");
     assert!(steady.ours.iter().all(|ratio| *ratio > 10.0), "{:?}", steady.ours);
     assert!(steady.ours[0] > 1.5 * steady.ours[1], "k 4 against k 2: {:?}", steady.ours);

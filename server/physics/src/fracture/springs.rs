@@ -33,8 +33,9 @@ const STEERS_WITHIN_VOXELS: f64 = 1.0;
 /// % off the mean force, twice adds 3 %; an edge that only presses does not know of it.
 const MOST_DRAG: f64 = 0.5;
 
-/// An edge that cuts and is farther ahead of its front than work has pressed it to comes out by this fraction of its way through
-/// the tissue, and makes its force times that of energy. Ours.
+/// An edge that cuts may be farther ahead of its front than work has pressed it, as where it joins a neighbour's. It catches up by
+/// this fraction of its way through the tissue, which makes as much of the force's work from nothing. Ours. With none of it
+/// the front stays behind where it joined, and leaves a bridge of a segment in the cut.
 const CATCHES_UP: f64 = 0.01;
 
 /// The springs of one marker during a step.
@@ -93,13 +94,13 @@ impl FrontContact {
         // energy.
         let comes_out_m = COMES_OUT_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
         let way_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
+        let by_work_m = pressed_to_m(&forward, anchor.stored_j - anchor.beside_j);
         let most_m = match forward.mode {
+            _ if anchor.yielded => by_work_m + CATCHES_UP * way_m,
             // One that touches for the first time is in by its way in a step at most.
-            Mode::Off if !anchor.yielded => way_m.max(comes_out_m),
-            _ => {
-                pressed_to_m(&forward, anchor.stored_j - anchor.beside_j)
-                    + if anchor.yielded { CATCHES_UP * way_m } else { 0.0 }
-            }
+            Mode::Off => way_m.max(comes_out_m),
+            // The markers of one that dents slide along it to where the tissue is deeper.
+            _ => by_work_m,
         };
         shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
         let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_out_m;
