@@ -14,7 +14,7 @@ static class LiveTest
 {
     static Server server;
 
-    static int Main(string[] arguments)
+    static void Main(string[] arguments)
     {
         server = new Server(arguments[0]);
         var token = File.ReadAllText(arguments[2]).Trim();
@@ -39,7 +39,7 @@ static class LiveTest
             test.Value();
             Console.WriteLine("ok " + test.Key);
         }
-        return 0;
+        End.Now();
     }
 
     /// <summary>proto/vectors: the stream, and lines of what is shown after each message: hash, or object, id and position.</summary>

@@ -15,14 +15,14 @@ static class SampleTest
     /// <summary>Gc times the width of the blade, N: what a steady cut of `cuboid` takes.</summary>
     const float TheoryN = 1100 * 0.06f;
 
-    static int Main(string[] arguments)
+    static void Main(string[] arguments)
     {
         Resources.Folder = arguments[1] + "/Runtime/Resources";
         FieldsMayBeSetAfterTheComponentIsThere(arguments[0]);
         TheSampleCuts(arguments[0]);
         var made = TheMenuMakesASessionWithABlade();
         ThePrefabIsWhatTheMenuMakes(arguments[0], arguments[1], made);
-        return 0;
+        End.Now();
     }
 
     static void FieldsMayBeSetAfterTheComponentIsThere(string address)

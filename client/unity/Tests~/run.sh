@@ -43,7 +43,7 @@ mcs -langversion:7.2 -warnaserror -r:$build/Google.Protobuf.dll,$build/Kerf.Clie
 mono $build/FuzzTest.exe tests/corpus/views proto/vectors/cut.bin proto/vectors/cut-vertices.bin
 [ "${1:-}" != fuzz ] || exit 0
 mcs -langversion:7.2 -warnaserror -r:$build/Google.Protobuf.dll,$build/Kerf.Client.dll -out:$build/LiveTest.exe \
-    client/unity/Tests~/LiveTest.cs
+    client/unity/Tests~/LiveTest.cs client/unity/Tests~/End.cs
 mcs -langversion:7.2 -target:library -warnaserror -nowarn:649 -out:$build/UnityEngine.dll client/unity/Tests~/Stubs/UnityEngine.cs
 unity=-r:$build/Google.Protobuf.dll,$build/Kerf.Client.dll,$build/UnityEngine.dll
 # The editor writes into fields that nobody here does.
@@ -53,7 +53,7 @@ mcs -langversion:7.2 -target:library -warnaserror -nowarn:1591 $unity,$build/Ker
 for input in old new; do
     [ $input = old ] && define= || define=-d:ENABLE_INPUT_SYSTEM
     mcs -langversion:7.2 -warnaserror -nowarn:649 $define $unity,$build/Kerf.Unity.dll,$build/Kerf.Editor.dll \
-        -out:$build/SampleTest-$input.exe client/unity/Samples~/Cut/CutSample.cs client/unity/Tests~/SampleTest.cs client/unity/Tests~/Prefab.cs
+        -out:$build/SampleTest-$input.exe client/unity/Samples~/Cut/CutSample.cs client/unity/Tests~/SampleTest.cs client/unity/Tests~/Prefab.cs client/unity/Tests~/End.cs
 done
 
 # Whatever Unity would import has a .meta with an id of its own: a package from a git address cannot be given any later.

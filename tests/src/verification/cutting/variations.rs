@@ -120,7 +120,7 @@ fn slices(extent: Extent) -> Result<(Vec<Check>, Figure)> {
         }
     }
     for tilt_deg in extent.of(&[15.0f64, 30.0], 0) {
-        checks.push(tilted(&block, tilt_deg)?);
+        checks.push(tilted(&base, tilt_deg)?);
     }
     let theory = |of: fn(f64) -> f64| (0..=80).map(|i| 0.05 * f64::from(i)).map(|xi| (xi, of(xi))).collect();
     let figure = Figure::new(
