@@ -91,8 +91,8 @@ fn widths(extent: Extent) -> Result<(Vec<Check>, Figure)> {
 fn slices(extent: Extent) -> Result<(Vec<Check>, Figure)> {
     const SOURCE: &str = "F_V = Gc w / (1 + xi^2), F_H = xi F_V, Atkins, Xu, Jeronimidis 2004";
     let block = liver(4, 7e-3)?;
-    // Twice as wide: one that is slender along the edge bends as it is dragged, and unbends as the front comes down,
-    // which adds to the slide.
+    // Twice as wide: one that is slender along the edge bends as it is dragged, by a tilted edge too, and unbends as the front
+    // comes down, which adds to the slide.
     let [length_m, height_m, width_m] = block.size_m;
     let base = Stroke { size_m: [length_m, height_m, 2.0 * width_m], ..block.clone() };
     let gc_w_n = base.gc_w_n();
