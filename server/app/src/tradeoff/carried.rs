@@ -98,7 +98,7 @@ mod tests {
     /// So small a block is strained by the cut. Far below the front it is squeezed as a bar whose steady force is 1.055 Gc w
     /// at the limit and 1.026 at half of it (`F lambda + U A = Gc w`, as Rivlin and Thomas 1953): the force is between Gc w
     /// and that. The strain helps the cut along by less than the front takes it to, the more so the nearer the load is to
-    /// what an element carries: the work is 0.85 of Gc A at the limit.
+    /// what an element carries: the work is 0.93 of Gc A at the limit.
     #[test]
     fn within_the_limit_a_cut_takes_gc_and_at_more_than_twice_the_limit_it_does_not() {
         let within = cut(14_000.0);

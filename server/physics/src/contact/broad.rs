@@ -43,7 +43,7 @@ impl NearElements {
                 (0..N).for_each(|i| met[i] |= meets[i]);
             }
         }
-        let around = |group: &[(u32, Aabb)]| group.iter().skip(1).fold(group[0].1, |all, (_, one)| all.with(one));
+        let around = |group: &[(u32, Aabb)]| group.iter().fold(Aabb::around([]), |all, (_, one)| all.with(one));
         self.groups.clear();
         self.groups.extend(self.boxes.chunks(GROUP).map(around));
         met

@@ -220,8 +220,7 @@ fn held_j(forward: &Contact, gap_m: f64) -> f64 {
     forward.stiffness_n_per_m * held_m * (gap_m - 0.5 * held_m)
 }
 
-/// The gap that so much energy has pressed it to, m, by [`held_j`]: its cap at least while it yields, any where that takes
-/// no force.
+/// The gap that so much energy has pressed it to, m: the inverse of [`held_j`]; any where that takes no force.
 fn pressed_to_m(forward: &Contact, held_j: f64) -> f64 {
     match forward.mode {
         Mode::Yield if forward.yield_n == 0.0 => f64::INFINITY,

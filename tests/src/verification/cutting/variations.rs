@@ -90,11 +90,10 @@ fn widths(extent: Extent) -> Result<(Vec<Check>, Figure)> {
 /// The slice-push table, and edges that are tilted and driven straight down.
 fn slices(extent: Extent) -> Result<(Vec<Check>, Figure)> {
     const SOURCE: &str = "F_V = Gc w / (1 + xi^2), F_H = xi F_V, Atkins, Xu, Jeronimidis 2004";
-    let block = liver(4, 7e-3)?;
+    let mut base = liver(4, 7e-3)?;
     // Twice as wide: one that is slender along the edge bends as it is dragged, by a tilted edge too, and unbends as the front
     // comes down, which adds to the slide.
-    let [length_m, height_m, width_m] = block.size_m;
-    let base = Stroke { size_m: [length_m, height_m, 2.0 * width_m], ..block.clone() };
+    base.size_m[2] *= 2.0;
     let gc_w_n = base.gc_w_n();
     let ratios = extent.of(&[0.0, 2.0, 0.25, 0.5, 1.0, 3.0, 4.0, -2.0], 2);
     let run = |ratio: &f64| {
