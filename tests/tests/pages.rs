@@ -128,6 +128,49 @@ fn the_book_has_every_page_of_docs() {
     assert!(missing.is_empty(), "not in SUMMARY.md: {missing:?}");
 }
 
+/// The whole numbers of a text, in order.
+fn counts(text: &str) -> Vec<u32> {
+    text.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
+}
+
+#[test]
+fn the_readme_states_what_the_pages_that_programs_write_state() {
+    let read = |path: &str| fs::read_to_string(root().join(path)).expect("a page");
+    let page = |name: &str| read(&format!("docs/explanation/{name}.md"));
+    let sentence = |page: &str, part: &str| -> String {
+        let found = page.split(". ").find(|sentence| sentence.contains(part));
+        found.unwrap_or_else(|| panic!("no sentence with `{part}`")).to_owned()
+    };
+    let verification = page("verification");
+    let [kept, figures] = counts(&sentence(&verification, "figures that have a limit keep it"))[..] else {
+        panic!("two counts")
+    };
+    let stability = page("stability");
+    let [held, cases, refused] = counts(&sentence(&stability, "cases hold"))[..] else { panic!("three counts") };
+    let rows: Vec<Vec<&str>> = verification
+        .lines()
+        .skip_while(|line| !line.starts_with("| material | cases |"))
+        .skip(2)
+        .take_while(|line| line.starts_with('|'))
+        .map(|line| line.trim_matches('|').split('|').map(str::trim).collect())
+        .collect();
+    let cuts: u32 = rows.iter().map(|row| row[1].parse::<u32>().expect("a count")).sum();
+    let range = |column: usize| {
+        let ratios = rows.iter().flat_map(|row| row[column].split(" to ")).map(|r| r.parse::<f64>().expect("a ratio"));
+        let (least, most) = ratios.fold((f64::MAX, f64::MIN), |(least, most), r| (least.min(r), most.max(r)));
+        format!("{least:.2} to {most:.2}")
+    };
+    let expected = [
+        format!("Of {figures} verified figures {} miss", figures - kept),
+        format!("Of {cases} stability cases at the ends of the ranges {} fails", cases - held - refused),
+        format!("the ratio is {} in {cuts} cases with {} materials", range(2), rows.len()),
+        format!("With the blade at rest it is {}", range(3)),
+    ];
+    let readme = read("README.md");
+    let missing: Vec<&String> = expected.iter().filter(|text| !readme.contains(&***text)).collect();
+    assert!(missing.is_empty(), "README.md does not say: {missing:?}");
+}
+
 #[test]
 fn a_link_that_leads_nowhere_is_seen() {
     let root = root();

@@ -12,7 +12,7 @@ use kerf_scenes::cost::Cost;
 use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
 
-use crate::script::stroke::default_stroke;
+use crate::script::stroke::default_stroke_in;
 
 /// What is measured: small, soon built, and one of the paper's. Its blade is in the tissue for most of these steps.
 const MEASURED: &str = "jelly";
@@ -50,8 +50,8 @@ fn measure() -> f64 {
 fn measure_steps() -> anyhow::Result<f64> {
     let scene = catalog::builtin(MEASURED)?.with(|desc| desc.rate_hz = MEASURED_HZ)?;
     let told_s = Cost::of(&scene)?.step_s;
-    let mut script = default_stroke(&scene)?;
     let mut world = World::new(&scene)?;
+    let mut script = default_stroke_in(&world, &scene.desc);
     let mut begun = Instant::now();
     for step in 1..=LAST_STEP {
         if step == FIRST_STEP {

@@ -13,7 +13,7 @@ use kerf_scenes::examine::{self, examine};
 
 use crate::progress::{MakingBar, say};
 use crate::script::Script;
-use crate::script::stroke::default_stroke;
+use crate::script::stroke::default_stroke_in;
 use crate::script::warnings;
 
 /// A scene and what is changed in it.
@@ -112,7 +112,10 @@ impl SceneArgs {
         let examined = examine(&scene, &mut |making| bar.tell(making));
         bar.finish();
         let examine::Examined { world, mut warnings } = examined.map_err(|problems| text.refused(problems))?;
-        let script = read_script(self.script.as_deref(), &scene)?;
+        let script = match &self.script {
+            Some(path) => read_script(path, &scene)?,
+            None => default_stroke_in(&world, &scene.desc),
+        };
         warnings = warnings.into_iter().map(|warning| text.placed(warning)).collect();
         if let Some(path) = &self.script {
             warnings.extend(warnings::of(&path.display().to_string(), &script, &scene, &world));
@@ -136,12 +139,11 @@ impl SceneArgs {
     }
 }
 
-/// The script in a file; without one the scene's default stroke.
+/// The script in a file.
 ///
 /// # Errors
-/// The file cannot be read or is not a script for the scene's tools, or the scene cannot be voxelized.
-pub fn read_script(path: Option<&Path>, scene: &Scene) -> Result<Script> {
-    let Some(path) = path else { return default_stroke(scene) };
+/// The file cannot be read or is not a script for the scene's tools.
+pub fn read_script(path: &Path, scene: &Scene) -> Result<Script> {
     let file = File::open(path).with_context(|| path.display().to_string())?;
     let tools: Vec<_> = scene.desc.tools.iter().map(|tool| tool.name.clone()).collect();
     Ok(kerf_script::read(file, &tools).with_context(|| path.display().to_string())?.into())

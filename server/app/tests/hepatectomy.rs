@@ -24,7 +24,7 @@ pub fn piece(grid: &Grid, start: VoxelId, keep: impl Fn(VoxelId) -> bool) -> BTr
 fn the_lesion_comes_off_in_one_piece_with_no_cut_in_it() {
     let scene = catalog::builtin("hepatectomy").unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/builtin/hepatectomy.csv");
-    let mut script = read_script(Some(&path), &scene).unwrap();
+    let mut script = read_script(&path, &scene).unwrap();
     let mut world = World::new(&scene).unwrap();
     let steps = (script.end_s() * scene.desc.rate_hz).round() as u32;
     let (mut holding, mut area_m2) = (0, 0.0);

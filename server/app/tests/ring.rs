@@ -20,7 +20,7 @@ fn the_scalpel_goes_round_a_disc_of_skin_that_hangs_on_the_fat_alone_then() {
     scene.desc.rate_hz = 250.0;
     let scene = scene.judge().unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/builtin/tense-skin.csv");
-    let mut script = read_script(Some(&path), &scene).unwrap();
+    let mut script = read_script(&path, &scene).unwrap();
     let mut world = World::new(&scene).unwrap();
     for step in 1..=(script.end_s() * scene.desc.rate_hz).round() as u32 {
         let tools = script.advance(f64::from(step) / scene.desc.rate_hz);

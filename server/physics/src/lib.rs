@@ -155,6 +155,7 @@ pub mod fault;
 mod fem;
 mod fracture;
 mod grid;
+mod grow;
 mod hash;
 mod ledger;
 mod likeness;

@@ -4,7 +4,7 @@ use anyhow::Result;
 use kerf_physics::world::WorldCounts;
 use kerf_physics::{SceneDesc, SoundScene, Stage, StepInputs, StepOutput, Vec3, Workers, World};
 use kerf_scenes::catalog;
-use kerf_server::script::stroke::default_stroke;
+use kerf_server::script::stroke::default_stroke_in;
 use kerf_session::SessionLimits;
 use kerf_session::clock::MonotonicClock;
 
@@ -84,10 +84,10 @@ impl Stroke {
 
     /// Runs the default stroke of a scene.
     pub fn run(&self, scene: &SoundScene) -> Result<Run> {
-        let mut script = default_stroke(scene)?;
+        let mut world = World::new(scene)?;
+        let mut script = default_stroke_in(&world, &scene.desc);
         let rate_hz = scene.desc.rate_hz;
         let steps = (((script.end_s() + AFTER_S) * rate_hz).round() as usize).min(self.max_steps);
-        let mut world = World::new(scene)?;
         let counts = world.counts();
         if self.viewer == Viewer::Absent {
             world.forget_surface();

@@ -1,7 +1,8 @@
 //! The stroke that a scene is cut with when no script is given.
 
-use anyhow::{Context, Result};
-use kerf_physics::{Grid, Scene, Vec3};
+use anyhow::Result;
+use kerf_physics::scene::{ObjectDesc, SceneDesc};
+use kerf_physics::{Grid, Scene, Vec3, World};
 
 use super::Script;
 
@@ -23,14 +24,26 @@ const RETURN_M_PER_S: f64 = 0.3;
 /// # Errors
 /// The object cannot be voxelized.
 pub fn default_stroke(scene: &Scene) -> Result<Script> {
-    if scene.desc.tools.is_empty() {
-        return Ok(Script::default());
-    }
-    let objects = &scene.desc.objects;
-    let can_be_cut = objects.iter().find(|object| object.material.fracture_energy_j_per_m2.is_some());
-    let object = can_be_cut.or(objects.first()).context("the scene has no objects")?;
-    let grid = kerf_physics::voxelize(object, &scene.meshes)?;
-    Ok(Script::of_positions(&positions(&grid)))
+    let object = object_of(&scene.desc).map(|object| &scene.desc.objects[object]);
+    let grid = object.map(|object| kerf_physics::voxelize(object, &scene.meshes)).transpose()?;
+    Ok(grid.as_ref().map(through).unwrap_or_default())
+}
+
+/// The same of a scene of which there is a world: nothing is voxelized again.
+#[must_use]
+pub fn default_stroke_in(world: &World, desc: &SceneDesc) -> Script {
+    object_of(desc).map(|object| through(world.bodies()[object].grid())).unwrap_or_default()
+}
+
+/// The object that the stroke goes through; `None` where there is nothing to hold a tool by.
+fn object_of(desc: &SceneDesc) -> Option<usize> {
+    let can_be_cut = |object: &ObjectDesc| object.material.fracture_energy_j_per_m2.is_some();
+    let object = desc.objects.iter().position(can_be_cut).unwrap_or(0);
+    (!desc.tools.is_empty() && object < desc.objects.len()).then_some(object)
+}
+
+fn through(grid: &Grid) -> Script {
+    Script::of_positions(&positions(grid))
 }
 
 fn positions(grid: &Grid) -> [(f64, Vec3); 4] {
@@ -49,6 +62,16 @@ mod tests {
     use kerf_scenes::catalog;
 
     use super::*;
+
+    #[test]
+    fn the_stroke_in_a_world_is_that_of_its_scene() {
+        let scene = catalog::builtin("two-lobes").unwrap();
+        let mut strokes = [default_stroke(&scene).unwrap(), default_stroke_in(&World::new(&scene).unwrap(), &scene.desc)];
+        let told = strokes.each_mut().map(|stroke| {
+            (0..200).map(|step| format!("{:?}", stroke.advance(f64::from(step) * 0.01))).collect::<Vec<_>>()
+        });
+        assert_eq!(told[0], told[1]);
+    }
 
     #[test]
     fn the_stroke_enters_above_the_cuboid_and_ends_inside_it() {

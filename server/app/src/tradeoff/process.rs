@@ -14,6 +14,7 @@ use super::points::Followed;
 use super::samples::{Sampler, Samples};
 use crate::machine::peak_memory_mib;
 use crate::scene_args::read_script;
+use crate::script::stroke::default_stroke;
 use crate::simulate::summary::quantile_ms;
 
 /// What a run cost. Steps in which a tool touches count; all of them where none ever does.
@@ -88,7 +89,11 @@ pub fn write(out: &Path, run: &Run) -> Result<()> {
 
 fn simulate_job(job: Job, progress: &mut dyn FnMut(u64)) -> Result<Run> {
     let scene = job.scene()?.judge()?;
-    let mut script = read_script(job.script.as_deref(), &*catalog::load(&job.scene)?)?;
+    let stated = catalog::load(&job.scene)?;
+    let mut script = match &job.script {
+        Some(path) => read_script(path, &stated)?,
+        None => default_stroke(&stated)?,
+    };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build()?;
     let workers = Workers::of(&pool);
     let mut world = World::new(&scene)?;

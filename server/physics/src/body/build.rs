@@ -8,7 +8,8 @@ use crate::fem::block::{ElementBlock, ElementLaw, ElementState, LANES, SharedByB
 use crate::fem::matrices::GROUND;
 use crate::grid::VoxelId;
 use crate::grid::levels::LevelChange;
-use crate::solve::assembly::CHUNK_ELEMENTS;
+use crate::grow::grow;
+use crate::solve::assembly::{CHUNK_ELEMENTS, LANES as OPERATOR_LANES};
 use crate::solve::multigrid::Multigrid;
 use crate::walk::WalkError;
 use crate::workers::Workers;
@@ -73,27 +74,38 @@ impl Body {
         self.resize_blocks();
         let all: Vec<u32> = (0..self.base().elements.len() as u32).collect();
         self.find_held(&all);
-        for element in 0..all.len() {
-            self.rebuild_element(element);
-        }
+        self.make_blocks(Self::rebuild_element);
         self.number_nodes(None);
         self.state.boundary = Boundary::of(self.solid());
         self.state.rigid = RigidParts::new(self);
         self.rebuild_external_forces();
         self.evaluate(workers, 20);
-        for element in 0..self.base().elements.len() {
-            self.write_matrix(element);
-        }
+        self.write_all_matrices();
         self.write_rotations(workers);
         self.solver.multigrid.rebuild(workers, &self.state.levels);
-        self.share_blocks();
         self.share_system_matrices();
         self.save_state(workers);
     }
 
-    fn share_blocks(&mut self) {
-        let mut shared = SharedByBlocks::default();
-        self.solver.blocks.iter_mut().for_each(|b| b.share_matrices(&mut shared));
+    /// Has every element's matrices made by `make`. What blocks have in common is stored once from the first: a fine body is
+    /// never larger than it is in the end.
+    fn make_blocks(&mut self, make: impl Fn(&mut Self, usize)) {
+        let (elements, mut shared) = (self.base().elements.len(), SharedByBlocks::default());
+        for first in (0..elements).step_by(LANES) {
+            (first..elements.min(first + LANES)).for_each(|element| make(self, element));
+            self.solver.blocks[first / LANES].share_matrices(&mut shared);
+        }
+    }
+
+    /// Writes every element's matrix of the system, stored as [`Self::make_blocks`] stores the elements' own.
+    fn write_all_matrices(&mut self) {
+        let (elements, stiffens, mut shared) = (self.base().elements.len(), self.stiffens(), Vec::new());
+        for first in (0..elements).step_by(OPERATOR_LANES) {
+            (first..elements.min(first + OPERATOR_LANES)).for_each(|element| self.write_matrix(element));
+            if !stiffens {
+                self.solver.multigrid.operator_mut().share_matrix(first, &mut shared);
+            }
+        }
     }
 
     /// Stores once what blocks of the system's matrices have in common.
@@ -114,7 +126,7 @@ impl Body {
         for &element in elements {
             self.solver.blocks[element as usize / LANES].share_matrices(&mut SharedByBlocks::default());
             if !self.stiffens() {
-                self.solver.multigrid.operator_mut().share_matrix(element as usize);
+                self.solver.multigrid.operator_mut().share_matrix(element as usize, &mut Vec::new());
             }
         }
     }
@@ -145,22 +157,17 @@ impl Body {
     /// What of the solver follows from the state without a lag.
     fn make_solver(&mut self, workers: &Workers<'_>) {
         self.resize_blocks();
-        let elements = self.base().elements.len();
-        (0..elements).for_each(|element| self.make_matrices(element, &self.voxels_of(element)));
+        self.make_blocks(|body, element| body.make_matrices(element, &body.voxels_of(element)));
         for (block, state) in self.solver.blocks.iter_mut().zip(&self.state.elements) {
             if state.branch.is_some() {
                 block.viscosity.get_or_insert_default();
             }
         }
-        self.share_blocks();
         self.number_slots(&(0..self.state.chunks.len()).collect::<Vec<_>>());
         self.rebuild_external_forces();
         let applied_stiffening = self.solver.applied_stiffening.clone();
-        (0..elements).for_each(|element| self.write_matrix(element));
+        self.write_all_matrices();
         self.solver.applied_stiffening = applied_stiffening;
-        if !self.stiffens() {
-            self.solver.multigrid.operator_mut().share_matrices();
-        }
         self.write_rotations(workers);
         self.solver.multigrid.update_rotations(workers);
         self.solver.multigrid.invert_diagonals(workers);
@@ -205,20 +212,11 @@ impl Body {
     pub(super) fn resize_blocks(&mut self) {
         let elements = self.base().elements.len();
         let blocks = elements.div_ceil(LANES);
-        grow(&mut self.solver.blocks, blocks, ElementBlock::default);
-        grow(&mut self.state.elements, blocks, ElementState::default);
-        grow(&mut self.solver.element_loads_n, elements, Default::default);
+        grow(&mut self.solver.blocks, blocks, ElementBlock::default());
+        grow(&mut self.state.elements, blocks, ElementState::default());
+        grow(&mut self.solver.element_loads_n, elements, Default::default());
         self.state.held.resize(elements);
-        self.solver.applied_stiffening.resize(elements, 1.0);
-        self.solver.coarse_stiffening.resize(elements, 1.0);
+        grow(&mut self.solver.applied_stiffening, elements, 1.0);
+        grow(&mut self.solver.coarse_stiffening, elements, 1.0);
     }
-}
-
-/// Resizes what is large by element, with room for a few more: parting links adds elements few at a time, and where room
-/// doubled half of it would stay empty.
-fn grow<T>(values: &mut Vec<T>, count: usize, value: impl FnMut() -> T) {
-    if count > values.capacity() {
-        values.reserve_exact(count + count / 8 - values.len());
-    }
-    values.resize_with(count, value);
 }

@@ -126,7 +126,7 @@ impl Body {
                 most_change = most_change.max(change_j / geometric.stiffness_j);
                 self.write_matrix(element);
                 if !self.stiffens() {
-                    self.solver.multigrid.operator_mut().share_matrix(element);
+                    self.solver.multigrid.operator_mut().share_matrix(element, &mut Vec::new());
                 }
             }
         }

@@ -6,6 +6,7 @@ use crate::Vec3;
 use crate::fem::held::{Corner, HeldVoxel, VoxelCorners, hold};
 use crate::fem::matrices::ElementMatrices;
 use crate::grid::{Grid, Ijk, VoxelId};
+use crate::grow::grow;
 use crate::math::Aabb;
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use serde::{Deserialize, Serialize};
@@ -48,7 +49,7 @@ impl HeldElements {
 
     pub(super) fn resize(&mut self, elements: usize) {
         self.corners.resize_with(elements, || None);
-        self.nodes.resize(elements, None);
+        grow(&mut self.nodes, elements, None);
     }
 
     fn set(&mut self, element: usize, corners: Option<Box<VoxelCorners>>, nodes: Option<u8>) {

@@ -3,6 +3,7 @@
 use super::Body;
 use crate::Vec3;
 use crate::grid::{Grid, MaterialPoint, VoxelId, voxelize};
+use crate::grow::grow;
 use crate::scene::{Face, LoadDesc, Meshes, ObjectDesc, SceneError};
 use std::collections::BTreeMap;
 
@@ -73,7 +74,7 @@ impl Body {
     /// Sums the elements' loads at the nodes; what was put away bears none.
     pub(super) fn rebuild_external_forces(&mut self) {
         self.solver.external_n.clear();
-        self.solver.external_n.resize(self.state.levels[0].nodes.len(), [0.0; 3]);
+        grow(&mut self.solver.external_n, self.state.levels[0].nodes.len(), [0.0; 3]);
         let parts = &self.state.rigid;
         let elements = self.state.levels[0].elements.iter().zip(&self.solver.element_loads_n).enumerate();
         for (_, (element, loads)) in elements.filter(|(element, _)| !parts.is_away(*element)) {

@@ -3,6 +3,7 @@
 use super::quasi_static::InertiaScratch;
 use crate::fem::block::{LANES, ModelFit, NodalBuffers};
 use crate::grid::levels::Level;
+use crate::grow::grow;
 use crate::math::Nodal;
 use crate::solve::assembly::Assembly;
 use crate::solve::pcg::PcgScratch;
@@ -45,10 +46,10 @@ impl Scratch {
     /// Makes room for a level that is assembled as `assembly` says.
     pub(super) fn fit(&mut self, level: &Level, assembly: &Assembly) {
         let nodes = level.nodes.len();
-        self.right_side.resize(nodes, [0.0; 3]);
-        self.applied.resize(nodes, [0.0; 3]);
-        self.right_side_f32.resize(nodes, Default::default());
-        self.solution.resize(nodes, Default::default());
+        grow(&mut self.right_side, nodes, [0.0; 3]);
+        grow(&mut self.applied, nodes, [0.0; 3]);
+        grow(&mut self.right_side_f32, nodes, Default::default());
+        grow(&mut self.solution, nodes, Default::default());
         self.pcg.resize(nodes);
         self.nodal.resize_with(assembly.chunks().len(), Default::default);
         for (nodal, chunk) in self.nodal.iter_mut().zip(assembly.chunks()) {
@@ -56,7 +57,7 @@ impl Scratch {
                 values.resize(chunk.len(), f64x4::ZERO);
             }
         }
-        self.fits.resize(level.elements.len().div_ceil(LANES), ModelFit::default());
+        grow(&mut self.fits, level.elements.len().div_ceil(LANES), ModelFit::default());
         self.stale_parents.clear();
         self.stale_parents.reserve(level.elements.len());
     }

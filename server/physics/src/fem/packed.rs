@@ -76,9 +76,11 @@ where
 /// Matrices that whole blocks have in common.
 pub type Shared<L> = Vec<Arc<WholeCell<<L as LaneVector>::Scalar>>>;
 
+/// Zero, which copies have in common until they are written.
 impl<L: LaneVector> Default for PackedMatrix<L> {
     fn default() -> Self {
-        Self::Each(Box::new([L::ZERO; PACKED]))
+        let zero = L::narrow(0.0);
+        Self::Whole(Arc::new(WholeCell { packed: [zero; PACKED], modes: [zero; MODES] }))
     }
 }
 

@@ -10,6 +10,7 @@
 
 use super::lists::Lists;
 use crate::grid::levels::{Level, NONE};
+use crate::grow::grow;
 use crate::workers::Slices;
 use std::ops::{AddAssign, Mul};
 
@@ -157,7 +158,7 @@ impl Assembly {
     /// than before; `None`: all. Returns the chunks whose numbering changed, ascending.
     pub fn set_topology(&mut self, level: &Level, changed: Option<&[u32]>) -> Vec<usize> {
         let (elements, nodes) = (level.elements.len(), level.nodes.len());
-        self.slot_of.resize(nodes, NONE);
+        grow(&mut self.slot_of, nodes, NONE);
         self.chunks.resize_with(elements.div_ceil(CHUNK_ELEMENTS), Chunk::default);
         let mut renumbered: Vec<usize> = match changed {
             // What hangs depends on elements of other chunks too.

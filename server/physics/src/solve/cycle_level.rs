@@ -9,6 +9,7 @@ use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, dot};
 use crate::fem::composite::shape_functions;
 use crate::fem::packed::PackedMatrix;
 use crate::grid::levels::{Element, HangingNode, Level};
+use crate::grow::grow;
 use crate::walk::Kept;
 use crate::workers::Workers;
 use wide::{f32x4, f32x8};
@@ -136,15 +137,15 @@ impl CycleLevel {
         let nodes = level.nodes.len();
         let renumbered = self.operator.set_topology(level, changed.map(|c| c[0]));
         for v in [&mut self.x, &mut self.b, &mut self.r, &mut self.step] {
-            v.resize(nodes, f32x4::ZERO);
+            grow(v, nodes, f32x4::ZERO);
         }
         let Some(above) = above else { return renumbered };
-        self.corner_of.resize(nodes, (0, 0));
+        grow(&mut self.corner_of, nodes, (0, 0));
         self.parent.clone_from(&above.owner);
         let parents = self.parent.iter().zip(0..).map(|(parent, child)| (*parent, child));
         self.children.fill(above.elements.len(), parents);
-        self.place.resize(level.elements.len(), Place::Same);
-        self.prolongation.resize(nodes, Prolongation::default());
+        grow(&mut self.place, level.elements.len(), Place::Same);
+        grow(&mut self.prolongation, nodes, Prolongation::default());
         let hanging_above: Vec<HangingNode> = above.hanging().collect();
         match changed {
             Some([own, parents]) if !level.is_graded() => {

@@ -1,5 +1,7 @@
 //! Lists of one kind of entry, stored one after the other.
 
+use crate::grow::grow;
+
 /// Lists, one after the other: of the rows of a sparse matrix, or of children.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Lists<T> {
@@ -11,11 +13,11 @@ impl<T: Copy + Default> Lists<T> {
     /// Sorts `(list, entry)` pairs into `count` lists; within a list the order stays.
     pub(super) fn fill(&mut self, count: usize, pairs: impl Iterator<Item = (u32, T)> + Clone) {
         self.first.clear();
-        self.first.resize(count + 2, 0);
+        grow(&mut self.first, count + 2, 0);
         pairs.clone().for_each(|(list, _)| self.first[list as usize + 2] += 1);
         (2..count + 2).for_each(|i| self.first[i] += self.first[i - 1]);
         self.entries.clear();
-        self.entries.resize(self.first[count + 1] as usize, T::default());
+        grow(&mut self.entries, self.first[count + 1] as usize, T::default());
         for (list, entry) in pairs {
             let end = &mut self.first[list as usize + 1];
             self.entries[*end as usize] = entry;

@@ -9,8 +9,9 @@ use super::rows::{MOST_ROW_NODES, RowBuffers, RowEdges};
 use super::spring::{POINT_NODES, PointSpring};
 use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, times};
 use crate::fem::lanes::{self, PACKED};
-use crate::fem::packed::PackedMatrix;
+use crate::fem::packed::{PackedMatrix, Shared};
 use crate::grid::levels::{HangingNode, Level};
+use crate::grow::grow;
 use crate::walk::{Kept, KeptHash};
 use crate::workers::{Grain, Workers};
 use serde::{Deserialize, Serialize};
@@ -265,12 +266,12 @@ impl Operator {
         self.hanging.clear();
         self.hanging.extend(level.hanging());
         let renumbered = self.assembly.set_topology(level, changed);
-        self.element_nodes.resize(elements, [0; 8]);
-        self.blocks.resize_with(elements.div_ceil(LANES), OperatorBlock::new);
+        grow(&mut self.element_nodes, elements, [0; 8]);
+        grow(&mut self.blocks, elements.div_ceil(LANES), OperatorBlock::new());
         self.matrices_hash.forget();
         self.corners.resize_with(self.assembly.chunks().len(), || Corners::Each(Vec::new()));
-        self.values.resize(self.assembly.buffer_len(), f32x4::ZERO);
-        self.sums.resize(self.assembly.buffer_len(), f32x4::ZERO);
+        grow(&mut self.values, self.assembly.buffer_len(), f32x4::ZERO);
+        grow(&mut self.sums, self.assembly.buffer_len(), f32x4::ZERO);
         for &index in &renumbered {
             let chunk = &self.assembly.chunks()[index];
             let first = index * CHUNK_ELEMENTS;
@@ -278,7 +279,7 @@ impl Operator {
             range.clone().for_each(|e| self.element_nodes[e] = level.elements[e].nodes);
             self.corners[index] = Corners::of(chunk, range.len());
         }
-        self.inverse.resize(node_count, [f32x4::ZERO; 3]);
+        grow(&mut self.inverse, node_count, [f32x4::ZERO; 3]);
         self.diagonal.resize(node_count);
         self.spring_diagonal.resize(node_count);
         self.springs.clear();
@@ -329,10 +330,10 @@ impl Operator {
         self.blocks.iter_mut().for_each(|b| b.matrix.share(&mut shared));
     }
 
-    /// Stores once what the elements of the block of one have in common.
-    pub fn share_matrix(&mut self, element: usize) {
+    /// Stores once what the elements of the block of one have in common with each other or with those that `shared` has.
+    pub fn share_matrix(&mut self, element: usize, shared: &mut Shared<f32x8>) {
         self.matrices_hash.forget();
-        self.blocks[element / LANES].matrix.share(&mut Vec::new());
+        self.blocks[element / LANES].matrix.share(shared);
     }
 
     /// The packed matrix of an element, as set.
@@ -542,8 +543,8 @@ impl Diagonal {
     }
 
     fn resize(&mut self, nodes: usize) {
-        self.on.resize(nodes, f32x4::ZERO);
-        self.off.resize(nodes, f32x4::ZERO);
+        grow(&mut self.on, nodes, f32x4::ZERO);
+        grow(&mut self.off, nodes, f32x4::ZERO);
     }
 }
 

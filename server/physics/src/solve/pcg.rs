@@ -9,6 +9,7 @@
 use super::cycle_level::CycleLevel;
 use super::multigrid::Multigrid;
 use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, dot, dot_chunk};
+use crate::grow::grow;
 use crate::workers::Workers;
 use wide::f32x4;
 
@@ -83,8 +84,8 @@ pub struct PcgReport {
 impl PcgScratch {
     /// Makes the vectors fit `n` nodes.
     pub fn resize(&mut self, n: usize) {
-        self.p.resize(n, f32x4::ZERO);
-        self.ap.resize(n, f32x4::ZERO);
+        grow(&mut self.p, n, f32x4::ZERO);
+        grow(&mut self.ap, n, f32x4::ZERO);
     }
 }
 

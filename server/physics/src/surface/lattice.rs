@@ -66,17 +66,24 @@ impl Lattice {
         DUAL_CELL_LINKS.map(|(corner, axis)| self.link_index(LinkId { cell: corner_cell(cell, corner), axis }))
     }
 
-    /// The cells at such distances from a cell along each axis, in runs along x.
-    pub(super) fn near(self, cell: u32, distances: RangeInclusive<i32>) -> impl Iterator<Item = Range<u32>> {
-        let (cell, counts) = (self.cell(cell), self.cells.map(|n| n as i32));
+    /// The cells at such distances along each axis from a run of cells in a row along x, in such runs.
+    pub(super) fn near(self, cells: Range<u32>, distances: RangeInclusive<i32>) -> impl Iterator<Item = Range<u32>> {
+        let (first, counts) = (self.cell(cells.start), self.cells.map(|n| n as i32));
+        let last = [first[0] + cells.len() as i32 - 1, first[1], first[2]];
         let [x, y, z] = [0, 1, 2].map(|axis| {
-            let (first, last) = (cell[axis] + distances.start(), cell[axis] + distances.end());
+            let (first, last) = (first[axis] + distances.start(), last[axis] + distances.end());
             first.max(-1)..(last + 1).min(counts[axis] - 1)
         });
         z.flat_map(move |k| y.clone().map(move |j| [j, k])).map(move |[j, k]| {
             let first = self.cell_index([x.start, j, k]);
             first..first + x.len() as u32
         })
+    }
+
+    /// Cells, ascending, in runs along x.
+    pub(super) fn rows(self, cells: &[u32]) -> impl Iterator<Item = Range<u32>> {
+        let runs = cells.chunk_by(move |a, b| a + 1 == *b && b % self.cells[0] != 0);
+        runs.map(|run| run[0]..run[run.len() - 1] + 1)
     }
 
     /// The eight dual cells that have a voxel as a corner.

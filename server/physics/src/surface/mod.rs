@@ -34,6 +34,7 @@ mod test_solids;
 mod tests;
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU32;
 
 use crate::Vec3;
 use crate::grid::{Grid, Link, LinkId, VoxelId};
@@ -80,8 +81,8 @@ type Before = BTreeMap<VertexId, Option<SurfaceVertex>>;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     lattice: Lattice,
-    /// Components of each dual cell; `None` where no crossing is known.
-    components: Vec<Option<Components>>,
+    /// [`Components`] of each dual cell; `None` where no crossing is known.
+    components: Vec<Option<NonZeroU32>>,
     vertices: BTreeMap<VertexId, SurfaceVertex>,
     quads: BTreeMap<QuadId, Quad>,
     /// Those of the vertices that leave their dual cells.
@@ -165,8 +166,9 @@ impl Surface {
             }
             self.vertices.insert(id, vertex);
         }
-        let components_before = self.components[dual_cell as usize].replace(contoured.components);
-        has_changed || components_before.is_some_and(|before| before != contoured.components)
+        let Components(components) = contoured.components;
+        let components_before = self.components[dual_cell as usize].replace(components);
+        has_changed || components_before.is_some_and(|before| before != components)
     }
 
     /// Reports the vertices that move with one of these voxels.
@@ -202,7 +204,7 @@ impl Surface {
         let mut quad = self.lattice.around(link).map(|(dual_cell, lower_corner)| {
             let corner = lower_corner | (side as usize) << link.axis;
             let components = self.components[dual_cell as usize].expect("dual cells around a crossing are contoured");
-            dual_cell * 8 + components.of(corner)
+            dual_cell * 8 + Components(components).of(corner)
         });
         // From its lower end as the two sides of a cut are split alike.
         let lower_m = grid.centre_m(link.cell);

@@ -135,6 +135,9 @@ impl Surface {
 
     /// Moves those vertices anew that may pass through the quads of these links.
     pub(super) fn settle_rims(&mut self, grid: &Grid, links: &[u32], before: &mut Before) {
+        if self.movers.is_empty() {
+            return;
+        }
         let mut cells: Vec<u32> = links.iter().map(|link| link / 3).collect();
         sort_dedup(&mut cells);
         let mut queue = BTreeSet::new();
@@ -177,13 +180,14 @@ impl Surface {
         }
     }
 
-    /// Ids of the vertices of the dual cells at such distances from these, ascending, in runs.
+    /// Ids of the vertices of the dual cells at such distances from `cells`, which ascend: in runs, ascending.
     fn runs_near(
         &self,
         cells: &[u32],
         distances: RangeInclusive<i32>,
     ) -> impl Iterator<Item = Range<VertexId>> + use<> {
-        let mut runs: Vec<_> = cells.iter().flat_map(|cell| self.lattice.near(*cell, distances.clone())).collect();
+        let near = |row: Range<u32>| self.lattice.near(row, distances.clone());
+        let mut runs: Vec<_> = self.lattice.rows(cells).flat_map(near).collect();
         runs.sort_unstable_by_key(|run| run.start);
         runs.dedup_by(|next, run| {
             let meets = next.start <= run.end;
@@ -248,7 +252,7 @@ impl Surface {
     /// The vertices that those of a turn see, ids ascending.
     fn places(&self, turn: Turn) -> Vec<Place> {
         let mut places = Vec::new();
-        for run in self.lattice.near(turn.dual_cell, SEEN) {
+        for run in self.lattice.near(turn.dual_cell..turn.dual_cell + 1, SEEN) {
             let ids = run.start * VERTICES_PER_CELL..run.end * VERTICES_PER_CELL;
             let mut movers = self.movers.range(ids.clone()).peekable();
             for (id, vertex) in self.vertices.range(ids) {
@@ -276,7 +280,7 @@ impl Surface {
         dual_cell: u32,
         distances: RangeInclusive<i32>,
     ) -> impl Iterator<Item = (Quad, bool)> + 'a {
-        let runs = self.lattice.near(dual_cell, distances);
+        let runs = self.lattice.near(dual_cell..dual_cell + 1, distances);
         let ids = runs.map(|run| run.start * QUADS_PER_CELL..run.end * QUADS_PER_CELL);
         let quads = ids.flat_map(|ids| self.quads.range(ids));
         quads.map(|(id, quad)| (*quad, self.is_skin(grid, *id)))
