@@ -149,15 +149,15 @@ fn shade(vertex: Vertex, material: Material) -> [u16; 4] {
 
 /// Edges at which skin and what was laid open meet, each once.
 fn seam(triangles: &[Triangle]) -> Vec<[u32; 2]> {
-    let of_face = |face: Face| -> BTreeSet<[u32; 2]> {
-        let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[from, to]| [from.min(to), from.max(to)]);
-        triangles
-            .iter()
-            .filter(|triangle| triangle.face == face)
-            .flat_map(|triangle| edges(triangle.vertices))
-            .collect()
+    let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[from, to]| [from.min(to), from.max(to)]);
+    let of_face = |face: Face| {
+        let triangles = triangles.iter().filter(move |triangle| triangle.face == face);
+        triangles.flat_map(move |triangle| edges(triangle.vertices))
     };
-    of_face(Face::Skin).intersection(&of_face(Face::Cut)).copied().collect()
+    // Those of the skin, which are many, are kept nowhere.
+    let of_cut: BTreeSet<[u32; 2]> = of_face(Face::Cut).collect();
+    let seam: BTreeSet<[u32; 2]> = of_face(Face::Skin).filter(|edge| of_cut.contains(edge)).collect();
+    seam.into_iter().collect()
 }
 
 /// Normal of a triangle with twice its area as length.
@@ -231,8 +231,10 @@ impl Document {
 
     /// Adds a piece and its seams, and returns the place of its node.
     fn add_piece(&mut self, object: &Object, name: &str, vertices: &[Vertex], triangles: &[Triangle]) -> usize {
-        let used: BTreeSet<u32> = triangles.iter().flat_map(|triangle| triangle.vertices).collect();
-        let place: BTreeMap<u32, u32> = used.iter().zip(0..).map(|(vertex, place)| (*vertex, place)).collect();
+        let mut used: Vec<u32> = triangles.iter().flat_map(|triangle| triangle.vertices).collect();
+        used.sort_unstable();
+        used.dedup();
+        let place = |vertex: u32| used.binary_search(&vertex).expect("a triangle's vertices are used") as u32;
         let positions_m: Vec<_> = used.iter().map(|vertex| object.surface.positions_m[*vertex as usize]).collect();
         let of = |vertex: &u32| vertices[*vertex as usize];
         let normals: Vec<_> = used.iter().map(|v| unit(of(v).normal).unwrap_or([0.0, 1.0, 0.0])).collect();
@@ -245,7 +247,7 @@ impl Document {
         let mut parts: BTreeMap<u16, Vec<u8>> = BTreeMap::new();
         for triangle in triangles {
             let indices = parts.entry(triangle.region).or_default();
-            indices.extend(triangle.vertices.iter().flat_map(|vertex| place[vertex].to_le_bytes()));
+            indices.extend(triangle.vertices.into_iter().flat_map(|vertex| place(vertex).to_le_bytes()));
         }
         let mut primitives = Vec::new();
         for (region, indices) in parts {
