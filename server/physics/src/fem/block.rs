@@ -1,6 +1,6 @@
 //! Four elements side by side: their data, their state, and what an evaluation finds of them.
 
-use super::ground::GroundBlock;
+use super::ground::{GroundBlock, GroundLanes};
 use super::lanes::{PACKED, pack, set_lane};
 use super::matrices::{ElementMatrices, GROUND};
 use super::packed::{MOST_SHARED, PackedMatrix, Shared};
@@ -102,6 +102,8 @@ pub struct StiffeningBlock {
     pub galerkin: PackedMatrix<f64x4>,
     /// `2 c / E`, 1/Pa; 0 where the element is linear.
     pub rate_per_pa: f64x4,
+    /// What goes with the Galerkin stiffness at the ground points; present where any of the four is held.
+    pub(super) ground: Option<GroundLanes>,
 }
 
 /// State and results of four elements.
@@ -249,9 +251,11 @@ impl ElementBlock {
         set_lane(&mut self.alpha_per_s, lane, law.alpha_per_s);
         set_lane(&mut self.beta_s, lane, law.beta_s);
         if law.stiffening_rate_per_pa > 0.0 {
-            let block = self
-                .stiffening
-                .get_or_insert_with(|| StiffeningBlock { galerkin: PackedMatrix::default(), rate_per_pa: f64x4::ZERO });
+            let block = self.stiffening.get_or_insert_with(|| StiffeningBlock {
+                galerkin: PackedMatrix::default(),
+                rate_per_pa: f64x4::ZERO,
+                ground: None,
+            });
             set_lane(&mut block.rate_per_pa, lane, law.stiffening_rate_per_pa);
             block.galerkin.set(lane, &pack(&matrices.stiffness_measured));
         } else if let Some(block) = &mut self.stiffening {
@@ -268,6 +272,12 @@ impl ElementBlock {
             if !ground.any() {
                 self.ground = None;
             }
+        }
+        if let Some(stiffening) = &mut self.stiffening {
+            let before = stiffening.ground.take();
+            stiffening.ground = self.ground.is_some().then(|| before.unwrap_or_default());
+            let measured = matrices.ground.as_ref().filter(|_| law.stiffening_rate_per_pa > 0.0).map(|g| &g.measured);
+            stiffening.ground.iter_mut().for_each(|ground| ground.set(lane, measured));
         }
     }
 

@@ -8,7 +8,7 @@
 
 use super::block::{ElementBlock, ElementState, Evaluation, NodalBuffers, StepTerms};
 use super::composite::corner_pair;
-use super::ground::{GroundBlock, GroundLanes};
+use super::ground::GroundLanes;
 use super::lanes;
 use super::matrices::GROUND;
 use super::packed::PackedMatrix;
@@ -205,11 +205,12 @@ impl ElementBlock {
         let mut local = products.k;
         let half = f64x4::splat(0.5);
         let mut energy_j = half * lanes::dot(u, &local);
-        let mut on_ground_n = self.on_ground(placed, |ground| &ground.stiffness, &mut local, &mut energy_j);
+        let ground = self.ground.as_deref().map(|ground| &ground.stiffness);
+        let mut on_ground_n = on_ground(placed, ground, &mut local, &mut energy_j);
         let linear_j = energy_j;
         if let (Some(stiffening), Some(mut g)) = (&self.stiffening, products.g) {
             let mut w_j = half * lanes::dot(u, &g);
-            let measured_n = self.on_ground(placed, |ground| &ground.measured, &mut g, &mut w_j);
+            let measured_n = on_ground(placed, stiffening.ground.as_ref(), &mut g, &mut w_j);
             let (energy, slope, curvature) = stiffening_law(w_j / self.shapes.volume_m3, stiffening.rate_per_pa);
             energy_j += self.shapes.volume_m3 * energy;
             state.stiffening = slope;
@@ -229,25 +230,6 @@ impl ElementBlock {
         let scene = lanes::rotate(r, &local);
         (0..24).for_each(|i| state.force_n[i] = -scene[i]);
         (energy_j, linear_j)
-    }
-
-    /// Adds what is held to forces `local` of the corners and to an energy; returns the force on the ground points.
-    #[inline(always)]
-    fn on_ground(
-        &self,
-        placed: &Placed<'_>,
-        stiffness: impl Fn(&GroundBlock) -> &GroundLanes,
-        local: &mut [f64x4; 24],
-        energy_j: &mut f64x4,
-    ) -> Option<[f64x4; GROUND]> {
-        let (ground, points) = (self.ground.as_deref()?, placed.ground.as_ref()?);
-        let of_corners = *local;
-        let on_ground_n = stiffness(ground).add_force(placed.displacement_m, &points.displacement_m, local);
-        // The coupling's part of u . f counts for the corners here, for the ground points there.
-        let coupled: [f64x4; 24] = std::array::from_fn(|i| local[i] - of_corners[i]);
-        let both = lanes::dot(placed.displacement_m, &coupled) + lanes::dot(&points.displacement_m, &on_ground_n);
-        *energy_j += f64x4::splat(0.5) * both;
-        Some(on_ground_n)
     }
 
     /// `K' v` in the rest frame of each element, from the products with v; K where K' is so near it that the system's
@@ -339,6 +321,24 @@ fn stiffening_law(w: f64x4, rate: f64x4) -> (f64x4, f64x4, f64x4) {
     let energy = linear.bitselect(f64x4::ZERO, excess / linear.bitselect(f64x4::ONE, rate));
     let curvature = beyond.simd_gt(f64x4::ZERO).bitselect(f64x4::ZERO, e * rate);
     (energy, slope, curvature)
+}
+
+/// Adds what is held to forces `local` of the corners and to an energy; returns the force on the ground points.
+#[inline(always)]
+fn on_ground(
+    placed: &Placed<'_>,
+    stiffness: Option<&GroundLanes>,
+    local: &mut [f64x4; 24],
+    energy_j: &mut f64x4,
+) -> Option<[f64x4; GROUND]> {
+    let (stiffness, points) = (stiffness?, placed.ground.as_ref()?);
+    let of_corners = *local;
+    let on_ground_n = stiffness.add_force(placed.displacement_m, &points.displacement_m, local);
+    // The coupling's part of u . f counts for the corners here, for the ground points there.
+    let coupled: [f64x4; 24] = std::array::from_fn(|i| local[i] - of_corners[i]);
+    let both = lanes::dot(placed.displacement_m, &coupled) + lanes::dot(&points.displacement_m, &on_ground_n);
+    *energy_j += f64x4::splat(0.5) * both;
+    Some(on_ground_n)
 }
 
 #[cfg(test)]

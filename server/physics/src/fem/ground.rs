@@ -23,7 +23,6 @@ pub struct GroundBlock {
     /// What the ground points contribute to the mean deformation gradient.
     pub(super) gradient: [f64x4; 9],
     pub(super) stiffness: GroundLanes,
-    pub(super) measured: GroundLanes,
 }
 
 /// Ground points in the rest frames of four elements: relative to the lower corner.
@@ -40,7 +39,7 @@ impl Default for GroundLanes {
 }
 
 impl GroundLanes {
-    fn set(&mut self, lane: usize, stiffness: Option<&GroundStiffness>) {
+    pub(super) fn set(&mut self, lane: usize, stiffness: Option<&GroundStiffness>) {
         for (row, lanes) in self.coupling.iter_mut().enumerate() {
             let value = |i: usize| stiffness.map_or(0.0, |s| s.coupling[row][i]);
             lanes.iter_mut().enumerate().for_each(|(i, k)| set_lane(k, lane, value(i)));
@@ -82,7 +81,6 @@ impl Default for GroundBlock {
             origin_m: [zero; 3],
             gradient: [zero; 9],
             stiffness: GroundLanes::default(),
-            measured: GroundLanes::default(),
         }
     }
 }
@@ -109,7 +107,6 @@ impl GroundBlock {
             }
         }
         self.stiffness.set(lane, ground.map(|g| &g.stiffness));
-        self.measured.set(lane, ground.map(|g| &g.measured));
     }
 
     /// Whether any of the four is held.

@@ -30,6 +30,9 @@ const MOST_PUSH_VOXELS: f64 = 0.25;
 /// at 60 Hz, of the smallest elements in use. It bounds what is searched, and only where something moves so fast.
 const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
 
+/// Patches that may meet others before a step allocates: of most of a surface none does.
+const ROOM_FOR_CANDIDATES: usize = 1024;
+
 /// Surfaces that one patch may approach at once before a step allocates.
 const ROOM_FOR_APPROACHES: usize = 256;
 
@@ -232,9 +235,9 @@ impl TissueContacts {
         let most = self.most_springs();
         self.candidates.reserve(bodies(slots), most);
         self.placed.clear();
-        self.placed.reserve(most);
+        self.placed.reserve(most.min(ROOM_FOR_CANDIDATES));
         self.planes.clear();
-        self.planes.reserve(most);
+        self.planes.reserve(most.min(ROOM_FOR_CANDIDATES));
         self.approaches.clear();
         self.approaches.reserve(ROOM_FOR_APPROACHES);
         let springs = most.min(ROOM_FOR_SPRINGS);
