@@ -10,6 +10,8 @@
 //! seen as a seam while it is closed, also by readers that draw no lines.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io;
 use std::path::Path;
 
 use kerf_proto::v1;
@@ -68,18 +70,16 @@ impl Object {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(path: &Path, objects: &[Object]) -> std::io::Result<()> {
-    std::fs::write(path, encode(objects))
+pub fn write(path: &Path, objects: &[Object]) -> io::Result<()> {
+    Document::of(objects).write(&mut File::create(path)?)
 }
 
 /// Objects as the bytes of a `.glb` file. Those without triangles are left out; without any the scene is empty.
 #[must_use]
 pub fn encode(objects: &[Object]) -> Vec<u8> {
-    let mut document = Document::default();
-    for object in objects.iter().filter(|object| !object.surface.triangles.is_empty()) {
-        document.add(object);
-    }
-    document.container()
+    let mut file = Vec::new();
+    Document::of(objects).write(&mut file).expect("memory takes all that is written");
+    file
 }
 
 /// Triangles of each closed surface that no triangle joins to another, the largest first.
@@ -217,6 +217,14 @@ struct Document {
 }
 
 impl Document {
+    fn of(objects: &[Object]) -> Self {
+        let mut document = Self::default();
+        for object in objects.iter().filter(|object| !object.surface.triangles.is_empty()) {
+            document.add(object);
+        }
+        document
+    }
+
     /// Adds an object: a node with a mesh for each of its pieces.
     fn add(&mut self, object: &Object) {
         let vertices = vertices(&object.surface);
@@ -339,8 +347,8 @@ impl Document {
         self.accessors.len() - 1
     }
 
-    /// The header and the chunks, each padded to four bytes.
-    fn container(mut self) -> Vec<u8> {
+    /// Writes the header and the chunks, each padded to four bytes.
+    fn write(mut self, file: &mut impl io::Write) -> io::Result<()> {
         let mut document = json!({
             "asset": { "version": "2.0", "generator": "Kerf" },
             "scene": 0,
@@ -366,16 +374,12 @@ impl Document {
             chunks.push((*b"BIN\0", self.binary));
         }
         let length: usize = 12 + chunks.iter().map(|(_, data)| 8 + data.len()).sum::<usize>();
-        let mut glb = Vec::with_capacity(length);
-        glb.extend(b"glTF");
-        glb.extend(2u32.to_le_bytes());
-        glb.extend((length as u32).to_le_bytes());
+        file.write_all(&[*b"glTF", 2u32.to_le_bytes(), (length as u32).to_le_bytes()].concat())?;
         for (kind, data) in chunks {
-            glb.extend((data.len() as u32).to_le_bytes());
-            glb.extend(kind);
-            glb.extend(data);
+            file.write_all(&[(data.len() as u32).to_le_bytes(), kind].concat())?;
+            file.write_all(&data)?;
         }
-        glb
+        Ok(())
     }
 }
 

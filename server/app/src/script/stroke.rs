@@ -65,8 +65,9 @@ mod tests {
 
     #[test]
     fn the_stroke_in_a_world_is_that_of_its_scene() {
-        let scene = catalog::builtin("two-lobes").unwrap();
-        let mut strokes = [default_stroke(&scene).unwrap(), default_stroke_in(&World::new(&scene).unwrap(), &scene.desc)];
+        let scene = catalog::builtin("two-organs").unwrap();
+        let mut strokes =
+            [default_stroke(&scene).unwrap(), default_stroke_in(&World::new(&scene).unwrap(), &scene.desc)];
         let told = strokes.each_mut().map(|stroke| {
             (0..200).map(|step| format!("{:?}", stroke.advance(f64::from(step) * 0.01))).collect::<Vec<_>>()
         });

@@ -138,7 +138,10 @@ fn relax(world: &mut World, workers: &Workers<'_>, mut tables: Tables) -> Result
 
 fn write_results(folder: &Path, scene: &SceneDesc, world: &mut World, summary: &Summary) -> Result<()> {
     let surface = folder.join("surface.glb");
-    glb::write(&surface, &surface::of(scene, world)).with_context(|| surface.display().to_string())?;
+    let objects = surface::of(scene, world);
+    // That of a fine body takes as much memory as the file that is made of it.
+    world.forget_surface();
+    glb::write(&surface, &objects).with_context(|| surface.display().to_string())?;
     let path = folder.join("summary.json");
     std::fs::write(&path, serde_json::to_string_pretty(summary)? + "\n").with_context(|| path.display().to_string())
 }

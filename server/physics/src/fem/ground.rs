@@ -76,12 +76,7 @@ impl GroundLanes {
 impl Default for GroundBlock {
     fn default() -> Self {
         let zero = f64x4::ZERO;
-        Self {
-            is_held: zero,
-            origin_m: [zero; 3],
-            gradient: [zero; 9],
-            stiffness: GroundLanes::default(),
-        }
+        Self { is_held: zero, origin_m: [zero; 3], gradient: [zero; 9], stiffness: GroundLanes::default() }
     }
 }
 

@@ -1,17 +1,14 @@
 //! Components and vertices of one dual cell (Ju et al. 2002, with a vertex per component).
 
-use std::num::NonZeroU32;
-
 use super::SurfaceVertex;
 use super::lattice::{DUAL_CELL_LINKS, corner_cell};
 use super::qef::{AROUND_CELL, CELL, Qef};
 use crate::Vec3;
 use crate::grid::{Grid, Ijk, Link, LinkId, VoxelId};
 
-/// The component of each corner of a dual cell: its lowest corner; four bits a corner, inverted. A dual cell that is contoured
-/// has a corner inside, so that not all of them are zero, and a list with few such cells takes memory for these alone.
+/// The component of each corner of a dual cell: its lowest corner; four bits a corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Components(pub(super) NonZeroU32);
+pub(super) struct Components(u32);
 
 /// A dual cell with the vertices of its components, at the components' numbers.
 pub(super) struct DualCell {
@@ -68,13 +65,12 @@ impl Components {
                 break;
             }
         }
-        let packed = lowest.iter().rev().fold(0, |packed, label| packed << 4 | u32::from(*label));
-        Self(NonZeroU32::new(!packed).expect("a corner is inside"))
+        Self(lowest.iter().rev().fold(0, |packed, label| packed << 4 | u32::from(*label)))
     }
 
     /// Number of the component an inside corner is in.
     pub(super) fn of(self, corner: usize) -> u32 {
-        !self.0.get() >> (4 * corner) & 0xf
+        self.0 >> (4 * corner) & 0xf
     }
 }
 

@@ -26,10 +26,6 @@ impl Lattice {
         Self { cells: grid.dims().map(|d| d as u32 + 2) }
     }
 
-    pub(super) fn cell_count(self) -> usize {
-        self.cells.iter().map(|n| *n as usize).product()
-    }
-
     pub(super) fn cell_index(self, cell: Ijk) -> u32 {
         let [i, j, k] = cell.map(|c| (c + 1) as u32);
         (k * self.cells[1] + j) * self.cells[0] + i

@@ -34,7 +34,6 @@ mod test_solids;
 mod tests;
 
 use std::collections::BTreeMap;
-use std::num::NonZeroU32;
 
 use crate::Vec3;
 use crate::grid::{Grid, Link, LinkId, VoxelId};
@@ -74,15 +73,20 @@ pub(crate) struct SurfaceChange {
     pub upserted_quads: Vec<QuadId>,
 }
 
-/// The vertices that were touched, as they were before; `None` where there was none.
-type Before = BTreeMap<VertexId, Option<SurfaceVertex>>;
+/// The vertices that an update has touched.
+#[derive(Default)]
+struct Touched {
+    /// Those that there were, as they were before it.
+    before: BTreeMap<VertexId, SurfaceVertex>,
+    new: Vec<VertexId>,
+}
 
 /// The surface of one object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     lattice: Lattice,
-    /// [`Components`] of each dual cell; `None` where no crossing is known.
-    components: Vec<Option<NonZeroU32>>,
+    /// Components of each dual cell with a crossing: of a fine lattice's cells few have one.
+    components: BTreeMap<u32, Components>,
     vertices: BTreeMap<VertexId, SurfaceVertex>,
     quads: BTreeMap<QuadId, Quad>,
     /// Those of the vertices that leave their dual cells.
@@ -96,7 +100,7 @@ impl Surface {
         let lattice = Lattice::new(grid);
         let mut surface = Self {
             lattice,
-            components: vec![None; lattice.cell_count()],
+            components: BTreeMap::new(),
             vertices: BTreeMap::new(),
             quads: BTreeMap::new(),
             movers: BTreeMap::new(),
@@ -117,13 +121,13 @@ impl Surface {
     /// of the voxels `rebound` was replaced. Costs in proportion to these lists, whose order and
     /// repetitions do not matter.
     pub(crate) fn rebuild_touched(&mut self, grid: &Grid, parted: &[LinkId], rebound: &[VoxelId]) -> SurfaceChange {
-        let (mut change, mut before) = (SurfaceChange::default(), Before::new());
+        let (mut change, mut touched) = (SurfaceChange::default(), Touched::default());
         let mut links: Vec<u32> = parted.iter().map(|link| self.lattice.link_index(*link)).collect();
-        let mut dual_cells: Vec<u32> =
-            parted.iter().flat_map(|link| self.lattice.around(*link).map(|(dual_cell, _)| dual_cell)).collect();
+        let mut dual_cells: Vec<u32> = Vec::with_capacity(4 * parted.len());
+        dual_cells.extend(parted.iter().flat_map(|link| self.lattice.around(*link).map(|(dual_cell, _)| dual_cell)));
         sort_dedup(&mut dual_cells);
         for dual_cell in dual_cells {
-            if self.contour(grid, dual_cell, &mut before) {
+            if self.contour(grid, dual_cell, &mut touched) {
                 links.extend(self.lattice.links_of(dual_cell));
             }
         }
@@ -131,10 +135,10 @@ impl Surface {
         for link in &links {
             self.join(grid, self.lattice.link(*link), &mut change);
         }
-        self.settle_rims(grid, &links, &mut before);
-        let has_changed =
-            |(id, before): (VertexId, Option<SurfaceVertex>)| (self.vertex(id).copied() != before).then_some(id);
-        change.upserted_vertices.extend(before.into_iter().filter_map(has_changed));
+        self.settle_rims(grid, &links, &mut touched);
+        let has_changed = |(id, before): (VertexId, SurfaceVertex)| (self.vertex(id) != Some(&before)).then_some(id);
+        change.upserted_vertices.extend(touched.before.into_iter().filter_map(has_changed));
+        change.upserted_vertices.extend(touched.new);
         self.report_rebound(grid, rebound, &mut change);
         sort_dedup(&mut change.upserted_vertices);
         change
@@ -142,14 +146,17 @@ impl Surface {
 
     /// Computes a dual cell's vertices anew. Returns whether quads that stood around it before may join other vertices
     /// now, or be split otherwise, or have other rims.
-    fn contour(&mut self, grid: &Grid, dual_cell: u32, before: &mut Before) -> bool {
+    fn contour(&mut self, grid: &Grid, dual_cell: u32, touched: &mut Touched) -> bool {
         let contoured = dual_contouring::contour(grid, self.lattice.cell(dual_cell));
         let mut has_changed = false;
         for (component, vertex) in contoured.vertices.into_iter().enumerate() {
             let Some(Contoured { mut vertex, wanted_m }) = vertex else { continue };
             let id = dual_cell * 8 + component as u32;
             let vertex_before = self.vertices.get(&id).copied();
-            before.entry(id).or_insert(vertex_before);
+            match vertex_before {
+                Some(before) => _ = touched.before.entry(id).or_insert(before),
+                None => touched.new.push(id),
+            }
             let mover_before = self.movers.remove(&id);
             let from_before_m =
                 vertex_before.map(|before| mover_before.map_or(before.position_m, |mover| mover.from_m));
@@ -166,16 +173,15 @@ impl Surface {
             }
             self.vertices.insert(id, vertex);
         }
-        let Components(components) = contoured.components;
-        let components_before = self.components[dual_cell as usize].replace(components);
-        has_changed || components_before.is_some_and(|before| before != components)
+        let components_before = self.components.insert(dual_cell, contoured.components);
+        has_changed || components_before.is_some_and(|before| before != contoured.components)
     }
 
     /// Reports the vertices that move with one of these voxels.
     fn report_rebound(&self, grid: &Grid, rebound: &[VoxelId], change: &mut SurfaceChange) {
         for voxel in rebound {
             let dual_cells = self.lattice.dual_cells_of(grid.voxels()[voxel.index()].ijk);
-            for dual_cell in dual_cells.into_iter().filter(|cell| self.components[*cell as usize].is_some()) {
+            for dual_cell in dual_cells.into_iter().filter(|cell| self.components.contains_key(cell)) {
                 let ids = dual_cell * 8..dual_cell * 8 + 8;
                 let bound = self.vertices.range(ids).filter(|(_, vertex)| vertex.voxel == *voxel);
                 change.upserted_vertices.extend(bound.map(|(id, _)| *id));
@@ -203,8 +209,8 @@ impl Surface {
     fn quad_around(&self, grid: &Grid, link: LinkId, side: u32) -> Quad {
         let mut quad = self.lattice.around(link).map(|(dual_cell, lower_corner)| {
             let corner = lower_corner | (side as usize) << link.axis;
-            let components = self.components[dual_cell as usize].expect("dual cells around a crossing are contoured");
-            dual_cell * 8 + Components(components).of(corner)
+            let components = self.components.get(&dual_cell).expect("dual cells around a crossing are contoured");
+            dual_cell * 8 + components.of(corner)
         });
         // From its lower end as the two sides of a cut are split alike.
         let lower_m = grid.centre_m(link.cell);

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::ops::{Range, RangeInclusive};
 
 use super::crossing::{Placed, cosine, normal_m2};
-use super::{Before, QUADS_PER_CELL, Quad, Surface, VERTICES_PER_CELL, VertexId, point, sort_dedup, triangulate};
+use super::{QUADS_PER_CELL, Quad, Surface, Touched, VERTICES_PER_CELL, VertexId, point, sort_dedup, triangulate};
 use crate::grid::Grid;
 use crate::math::Aabb;
 use crate::{Mat3, Vec3};
@@ -134,7 +134,7 @@ impl Surface {
     }
 
     /// Moves those vertices anew that may pass through the quads of these links.
-    pub(super) fn settle_rims(&mut self, grid: &Grid, links: &[u32], before: &mut Before) {
+    pub(super) fn settle_rims(&mut self, grid: &Grid, links: &[u32], touched: &mut Touched) {
         if self.movers.is_empty() {
             return;
         }
@@ -148,7 +148,7 @@ impl Surface {
         let beside: Vec<VertexId> =
             self.runs_near(&cells, CORNERS).flat_map(|ids| self.vertices.range(ids)).map(|(id, _)| *id).collect();
         for id in beside {
-            if self.make_room(grid, id, before) {
+            if self.make_room(grid, id, touched) {
                 self.queue_near(&[id / VERTICES_PER_CELL], SEEING, None, &mut queue);
             }
         }
@@ -171,7 +171,7 @@ impl Surface {
                     let mover = self.movers.get_mut(&id).expect("it was among the movers");
                     has_moved |= std::mem::replace(&mut mover.reached_m[turn.number], reached_m) != reached_m;
                     let settled_m = mover.position_m();
-                    self.put(id, settled_m, before);
+                    self.put(id, settled_m, touched);
                 }
                 if has_moved {
                     self.queue_near(&[turn.dual_cell], SEEING, Some(turn), &mut queue);
@@ -214,7 +214,7 @@ impl Surface {
     }
 
     /// Lets a vertex of the skin make room for a rim beside it, or no more. Returns whether that is new.
-    fn make_room(&mut self, grid: &Grid, id: VertexId, before: &mut Before) -> bool {
+    fn make_room(&mut self, grid: &Grid, id: VertexId, touched: &mut Touched) -> bool {
         let mover = self.movers.get(&id);
         if mover.is_some_and(|mover| mover.wanted_m.is_some()) {
             return false;
@@ -236,16 +236,16 @@ impl Surface {
             (Some(mover), false) => {
                 let from_m = mover.from_m;
                 self.movers.remove(&id);
-                self.put(id, from_m, before);
+                self.put(id, from_m, touched);
                 true
             }
             _ => false,
         }
     }
 
-    fn put(&mut self, id: VertexId, position_m: [f32; 3], before: &mut Before) {
+    fn put(&mut self, id: VertexId, position_m: [f32; 3], touched: &mut Touched) {
         let vertex = self.vertices.get_mut(&id).expect("a mover is a vertex");
-        before.entry(id).or_insert(Some(*vertex));
+        touched.before.entry(id).or_insert(*vertex);
         vertex.position_m = position_m;
     }
 

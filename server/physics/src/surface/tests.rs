@@ -454,7 +454,7 @@ proptest! {
         cuts.iter().for_each(|c| { apply(c, &mut grid); });
         let surface = Surface::build(&grid);
         for (id, vertex) in surface.vertices() {
-            let components = Components(surface.components[(id / 8) as usize].unwrap());
+            let components = surface.components[&(id / 8)];
             let distance = |corner: usize| {
                 let cell = lattice::corner_cell(surface.lattice.cell(id / 8), corner);
                 ((grid.centre_m(cell) - surface.contoured_m(id)).norm(), grid.voxel_at(cell))
