@@ -14,6 +14,12 @@ test("a machine that draws slowly draws less, and what stands still is drawn fin
   expect(quality.standsStill(now + 2000)).toBe(false);
 });
 
+test("a machine that is far too slow draws coarsely within a few pictures", () => {
+  const quality = new Quality();
+  const finenesses = [1, 2, 3, 4, 5].map((picture) => quality.moving(320 * picture));
+  expect(finenesses).toEqual([1, 0.75, 0.5, 0.35, 0.35]);
+});
+
 test("a machine that draws in time draws all there is, however long things stood still", () => {
   const quality = new Quality();
   let now = 0;

@@ -28,11 +28,11 @@ export class Quality {
     this.isFine = this.level === 0;
     // What stood still before says nothing of how long a picture takes.
     if (tookMs < STILL_MS) this.times.push(tookMs);
-    if (this.times.length === JUDGED) {
-      const meanMs = this.times.reduce((sum, time) => sum + time, 0) / JUDGED;
-      if (meanMs > SLOW_MS && this.level + 1 < FINENESS.length) this.level += 1;
-      this.times = [];
-    }
+    const sumMs = this.times.reduce((sum, time) => sum + time, 0);
+    // So slow that those that are still to come cannot help it.
+    const isSlow = sumMs > JUDGED * SLOW_MS;
+    if (isSlow && this.level + 1 < FINENESS.length) this.level += 1;
+    if (isSlow || this.times.length === JUDGED) this.times = [];
     return FINENESS[this.level];
   }
 
