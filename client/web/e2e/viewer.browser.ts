@@ -220,6 +220,12 @@ test("a session stands, steps and goes on, by keys", async () => {
   await page.keyboard.press(" ");
   await page.waitForSelector("button[aria-label='Pause']");
   await expect.poll(step).toBeGreaterThan(stood + 10);
+  // What is said twice stands once.
+  for (let said = 0; said < 2; said++) {
+    await server.sessions.resetSession({ sessionId });
+    await page.waitForTimeout(500);
+  }
+  expect(await page.locator(".message:has-text('whole and at rest')").count()).toBe(1);
 });
 
 test("another stiffness begins another session, and the old one is ended by whoever began it", async () => {

@@ -19,6 +19,8 @@ import type { Readings } from "./ui/readings";
 
 /** Words about late steps come at most this often, ms. */
 const OVERLOAD_WORDS_MS = 20_000;
+/** After this long without steps that had not settled they are counted anew, ms. */
+const QUIET_MS = 6000;
 
 /** So many of something. */
 function times(count: number, noun: string): string {
@@ -47,6 +49,7 @@ export class Session {
   private active: number | undefined;
   private paused: boolean;
   private overloadSaidMs = Number.NEGATIVE_INFINITY;
+  private unsolved = { steps: 0, saidMs: Number.NEGATIVE_INFINITY };
 
   constructor(stage: Stage, description: SessionDescription, readings: Readings, listener: SessionListener) {
     this.id = description.sessionId;
@@ -150,9 +153,9 @@ export class Session {
       case EventKind.REANCHORED:
         return this.sayOverload();
       case EventKind.TOLERANCE_CHANGED:
-        return say(`Forces are now computed to ${relativeTolerance.toExponential(0)}, to keep up.`);
+        return say(`Forces are now computed to ${relativeTolerance.toExponential(0)}, to keep up.`, "note", "tolerance");
       case EventKind.UNSOLVED:
-        return say(`Forces may jump: ${times(unsolvedSteps, "step")} ended before they had settled.`);
+        return this.sayUnsolved(unsolvedSteps);
       case EventKind.PUT_AWAY:
         return say(`${times(pieceCount, "piece")} fell out of reach and stopped there.`);
       case EventKind.FAILED:
@@ -232,6 +235,14 @@ export class Session {
       this.active = undefined;
       this.listener.onTool(undefined);
     }
+  }
+
+  /** Of all such steps since it was last quiet. */
+  private sayUnsolved(steps: number): void {
+    const now = performance.now();
+    if (now - this.unsolved.saidMs > QUIET_MS) this.unsolved.steps = 0;
+    this.unsolved = { steps: this.unsolved.steps + steps, saidMs: now };
+    say(`Forces may jump: ${times(this.unsolved.steps, "step")} ended before they had settled.`, "note", "unsolved");
   }
 
   private sayOverload(): void {

@@ -6,10 +6,13 @@ const SHOWN_MS = 6000;
 /** More than these at a time nobody reads. */
 const MOST_SHOWN = 3;
 
-/** Something in passing. */
-export function say(text: string, kind: "note" | "problem" = "note"): void {
-  const message = element("p", { className: `message ${kind}`, textContent: text });
+/** Something in passing. What is said of a topic takes the place of what was said of it before. */
+export function say(text: string, kind: "note" | "problem" = "note", topic = text): void {
   const messages = byId("messages");
+  const before = [...messages.children].find((shown) => shown instanceof HTMLElement && shown.dataset["topic"] === topic);
+  before?.remove();
+  const message = element("p", { className: `message ${kind}`, textContent: text });
+  message.dataset["topic"] = topic;
   messages.append(message);
   while (messages.childElementCount > MOST_SHOWN) messages.firstElementChild!.remove();
   setTimeout(() => message.remove(), SHOWN_MS);
