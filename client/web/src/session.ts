@@ -14,13 +14,11 @@ import type { Stage } from "./scene/stage";
 import type { Style } from "./scene/tissue";
 import { SessionPicture } from "./session-picture";
 import { Stroke } from "./stroke";
-import { say } from "./ui/messages";
+import { SHOWN_MS, say } from "./ui/messages";
 import type { Readings } from "./ui/readings";
 
 /** Words about late steps come at most this often, ms. */
 const OVERLOAD_WORDS_MS = 20_000;
-/** After this long without steps that had not settled they are counted anew, ms. */
-const QUIET_MS = 6000;
 
 /** So many of something. */
 function times(count: number, noun: string): string {
@@ -237,11 +235,11 @@ export class Session {
     }
   }
 
-  /** Of all such steps since it was last quiet. */
+  /** Counts on while the last count stands. */
   private sayUnsolved(steps: number): void {
     const now = performance.now();
-    if (now - this.unsolved.saidMs > QUIET_MS) this.unsolved.steps = 0;
-    this.unsolved = { steps: this.unsolved.steps + steps, saidMs: now };
+    const stands = now - this.unsolved.saidMs <= SHOWN_MS;
+    this.unsolved = { steps: steps + (stands ? this.unsolved.steps : 0), saidMs: now };
     say(`Forces may jump: ${times(this.unsolved.steps, "step")} ended before they had settled.`, "note", "unsolved");
   }
 

@@ -2,7 +2,8 @@
 
 import { byId, element, textButton } from "./dom";
 
-const SHOWN_MS = 6000;
+/** How long something in passing stands, ms. */
+export const SHOWN_MS = 6000;
 /** More than these at a time nobody reads. */
 const MOST_SHOWN = 3;
 

@@ -123,9 +123,10 @@ impl Body {
     /// Stores anew once what the blocks of these elements have in common, whatever they had before: how a matrix is
     /// stored follows from what it is.
     pub(super) fn share_matrices_of(&mut self, elements: &[u32]) {
+        let stiffens = self.stiffens();
         for &element in elements {
             self.solver.blocks[element as usize / LANES].share_matrices(&mut SharedByBlocks::default());
-            if !self.stiffens() {
+            if !stiffens {
                 self.solver.multigrid.operator_mut().share_matrix(element as usize, &mut Vec::new());
             }
         }

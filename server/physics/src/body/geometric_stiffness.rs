@@ -110,7 +110,7 @@ impl Body {
     pub(super) fn follow_stress(&mut self) -> f64 {
         let turns = ((FOLLOWS_IN_S / self.solver.params.dt_s) as usize).clamp(1, MOST_TURNS);
         self.solver.geometric_turn = (self.solver.geometric_turn + 1) % turns;
-        let mut most_change = 0.0f64;
+        let (mut most_change, stiffens) = (0.0f64, self.stiffens());
         for at in (self.solver.geometric_turn..self.solver.geometric.len()).step_by(turns) {
             let element = self.solver.geometric[at].element as usize;
             let energy_j = self.state.elements[element / LANES].elastic_j.as_array()[element % LANES];
@@ -125,7 +125,7 @@ impl Body {
                 geometric.stress_j = stress_j;
                 most_change = most_change.max(change_j / geometric.stiffness_j);
                 self.write_matrix(element);
-                if !self.stiffens() {
+                if !stiffens {
                     self.solver.multigrid.operator_mut().share_matrix(element, &mut Vec::new());
                 }
             }

@@ -267,8 +267,12 @@ impl<E> Contact<E> {
             Mode::Spring => Misjudged::by(impulse_n_s - dt_s * self.yield_n),
         };
         // What gives for the first time lets go of more than it was wrong by. Then its force goes on as it is.
-        let is_first = self.limit_n.is_finite() && self.limit_n > self.yield_n;
-        if is_first { wrong.beyond_doubt() } else { wrong }
+        if self.is_yet_to_give() { wrong.beyond_doubt() } else { wrong }
+    }
+
+    /// Whether it gives at a limit, and falls to a lower force as it does.
+    pub fn is_yet_to_give(&self) -> bool {
+        self.limit_n.is_finite() && self.limit_n > self.yield_n
     }
 
     fn change_to(&mut self, next: Mode) {

@@ -420,7 +420,7 @@ impl ContactSum {
 /// alike until enough of them give. Those that have given go on bearing what they bear.
 pub(super) fn give<'a, C: Iterator<Item = &'a Contact>>(pressing: impl Fn() -> C) -> Option<Give> {
     let capped = || pressing().filter(|contact| contact.limit_n.is_finite());
-    let whole = || capped().filter(|contact| contact.limit_n > contact.yield_n);
+    let whole = || pressing().filter(|contact| contact.is_yet_to_give());
     let load = |contact: &Contact| contact.force_n / contact.limit_n;
     let [cap_n, given_n] = [capped().map(|c| c.limit_n).sum::<f64>(), capped().map(|c| c.yield_n).sum()];
     let [whole_n, force_n] = [whole().map(|c| c.limit_n).sum::<f64>(), whole().map(|c| c.force_n).sum()];
