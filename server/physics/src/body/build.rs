@@ -140,7 +140,7 @@ impl Body {
     pub(crate) fn complete(&mut self, like: &Self, workers: &Workers<'_>) -> Result<(), WalkError> {
         self.description = Arc::clone(&like.description);
         self.state.grid.complete(&like.state.grid)?;
-        self.state.check()?;
+        self.state.check(&like.state)?;
         let solid = Solid { grid: &self.state.grid, level: &self.state.levels[0] };
         self.state.boundary.complete(solid, &like.state.boundary);
         self.solver.multigrid.complete(&self.state.levels)?;

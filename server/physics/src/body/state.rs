@@ -70,18 +70,20 @@ impl State {
         Ok(state)
     }
 
-    /// Whether what was read from a file fits together.
+    /// Whether what was read from a file fits together, and to a body of the same scene.
     ///
     /// # Errors
     /// It does not.
-    pub(super) fn check(&self) -> Result<(), WalkError> {
+    pub(super) fn check(&self, like: &Self) -> Result<(), WalkError> {
+        if self.levels.len() != like.levels.len() {
+            return Err(WalkError::new(format!("{} levels, not {}", self.levels.len(), like.levels.len())));
+        }
         let mut units = self.grid.voxels().len();
-        for (index, level) in self.levels.iter().enumerate() {
-            level.check(units).map_err(|what| WalkError::new(format!("level {index}: {what} do not fit")))?;
+        for (index, (level, like)) in self.levels.iter().zip(like.levels.iter()).enumerate() {
+            level.check(like, units).map_err(|what| WalkError::new(format!("level {index}: {what} do not fit")))?;
             units = level.elements.len();
         }
-        let Some(base) = self.levels.first() else { return Err(WalkError::new("a body has no level".into())) };
-        let (nodes, elements) = (base.nodes.len(), base.elements.len());
+        let (nodes, elements) = (self.levels[0].nodes.len(), self.levels[0].elements.len());
         let fits = [self.position_m.len(), self.velocity_m_per_s.len()] == [nodes; 2]
             && self.elements.len() == elements.div_ceil(LANES)
             && self.chunks.len() == elements.div_ceil(CHUNK_ELEMENTS)

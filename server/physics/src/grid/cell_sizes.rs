@@ -5,7 +5,7 @@ use super::Ijk;
 use serde::{Deserialize, Serialize};
 
 /// How the lattice cells of a level are grouped into the cells of its elements.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CellSizes {
     /// Number of lattice cells along each axis: a multiple of the largest cell.
     pub(super) dims: [i32; 3],
@@ -73,12 +73,6 @@ impl CellSizes {
             *log2 = self.log2[slot].saturating_sub(1);
         }
         above
-    }
-
-    /// Whether there is a size for each lattice cell.
-    pub(super) fn is_whole(&self) -> bool {
-        let cells = self.dims.iter().try_fold(1usize, |cells, d| cells.checked_mul(usize::try_from(*d).ok()?));
-        cells == Some(self.log2.len()) && self.log2.iter().all(|log2| *log2 < 31)
     }
 
     /// Number of lattice cells.

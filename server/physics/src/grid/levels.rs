@@ -251,8 +251,9 @@ impl Level {
         level
     }
 
-    /// Whether what was read from a file fits together over so many units; else what does not.
-    pub(crate) fn check(&self, units: usize) -> Result<(), &'static str> {
+    /// Whether what was read from a file fits together over so many units, and to this level of the scene, whose cells
+    /// stay as they are; else what does not.
+    pub(crate) fn check(&self, like: &Self, units: usize) -> Result<(), &'static str> {
         let (elements, nodes) = (self.elements.len(), self.nodes.len());
         let is_element = |id: &u32| (*id as usize) < elements;
         let may_be_element = |id: &u32| *id == NONE || is_element(id);
@@ -267,9 +268,12 @@ impl Level {
         };
         // One after the other: elements are looked up among cells that fit.
         let checks: [(&dyn Fn() -> bool, &str); 5] = [
-            (&|| self.sizes.is_whole() && self.first_in_cell.len() == self.sizes.len(), "cells"),
+            (&|| self.exponent == like.exponent && self.sizes == like.sizes, "cells"),
             (&|| self.elements.iter().enumerate().all(fits), "elements"),
-            (&|| self.first_in_cell.iter().all(may_be_element), "elements of cells"),
+            (
+                &|| self.first_in_cell.len() == self.sizes.len() && self.first_in_cell.iter().all(may_be_element),
+                "elements of cells",
+            ),
             (&|| self.owner.len() == units && self.owner.iter().all(is_element), "units"),
             (&|| self.hosts.len() == nodes && self.hosts.iter().all(may_be_element), "nodes"),
         ];
@@ -649,9 +653,14 @@ mod tests {
         let desc = SceneDesc::from_toml("block.toml", SCENE).unwrap();
         let grid = voxelize(&desc.objects[0], &Default::default()).unwrap();
         let level = Level::base(&VoxelUnits { grid: &grid, exponent: 0 }, CellSizes::uniform(grid.dims()));
-        assert_eq!(level.check(grid.voxels().len()), Ok(()));
+        let units = grid.voxels().len();
+        assert_eq!(level.check(&level, units), Ok(()));
         let mut damaged = level.clone();
         damaged.sizes.dims = [i32::MAX; 3];
-        assert_eq!(damaged.check(grid.voxels().len()), Err("cells"));
+        assert_eq!(damaged.check(&level, units), Err("cells"));
+        // Lattice cells of so many voxels have no number.
+        let mut damaged = level.clone();
+        damaged.exponent = 32;
+        assert_eq!(damaged.check(&level, units), Err("cells"));
     }
 }

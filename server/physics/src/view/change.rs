@@ -14,7 +14,7 @@ pub struct StructureChange {
 impl StructureChange {
     /// Goes on with the change that begins where this one leads to.
     pub fn append(&mut self, next: Self) {
-        debug_assert_eq!(self.to_version, next.from_version, "changes come in order");
+        assert_eq!(self.to_version, next.from_version, "changes come in order");
         self.to_version = next.to_version;
         self.objects.iter_mut().zip(next.objects).for_each(|(object, next)| object.append(next));
     }

@@ -73,7 +73,7 @@ impl View {
 
     /// Follows a change that begins at its version, and makes a patch of it.
     pub fn follow(&mut self, change: &StructureChange) -> TopologyPatch {
-        debug_assert_eq!(change.from_version, self.version, "changes are followed in order");
+        assert_eq!(change.from_version, self.version, "changes are followed in order");
         self.version = change.to_version;
         let bodies =
             self.objects.iter_mut().zip(&change.objects).map(|(object, change)| object.follow(change)).collect();
