@@ -197,13 +197,15 @@ impl Body {
         let before = places(&self.solver.multigrid);
         let renumbered = self.solver.multigrid.set_topology(&self.state.levels, changes);
         let assembly = self.solver.multigrid.operator().assembly();
-        let mut balance_n = vec![f64x4::ZERO; assembly.buffer_len()];
+        let mut balance_n = std::mem::take(&mut self.scratch.balance_n);
+        balance_n.clear();
+        grow(&mut balance_n, assembly.buffer_len(), f64x4::ZERO);
         for (chunk, (from, to)) in before.into_iter().zip(places(&self.solver.multigrid)).enumerate() {
             if renumbered.binary_search(&chunk).is_err() {
                 balance_n[to].copy_from_slice(&self.state.balance_n[from]);
             }
         }
-        self.state.balance_n = balance_n;
+        self.scratch.balance_n = std::mem::replace(&mut self.state.balance_n, balance_n);
         self.state.chunks.resize_with(assembly.chunks().len(), Default::default);
         self.number_slots(&renumbered);
         self.bound_held();

@@ -3,7 +3,7 @@
 use super::quasi_static::InertiaScratch;
 use crate::fem::block::{LANES, ModelFit, NodalBuffers};
 use crate::grid::levels::Level;
-use crate::grow::grow;
+use crate::grow::{grow, make_room};
 use crate::math::Nodal;
 use crate::solve::assembly::Assembly;
 use crate::solve::pcg::PcgScratch;
@@ -31,6 +31,8 @@ pub(super) struct Scratch {
     pub(super) nodal: Vec<NodalBuffers>,
     /// How well the last step's model of its potential held, four elements to a block.
     pub(super) fits: Vec<ModelFit>,
+    /// What stands in the elements' buffers while their places change.
+    pub(super) balance_n: Vec<f64x4>,
     /// Elements of the level above whose matrices are to be made anew.
     pub(super) stale_parents: Vec<u32>,
 }
@@ -59,6 +61,6 @@ impl Scratch {
         }
         grow(&mut self.fits, level.elements.len().div_ceil(LANES), ModelFit::default());
         self.stale_parents.clear();
-        self.stale_parents.reserve(level.elements.len());
+        make_room(&mut self.stale_parents, level.elements.len());
     }
 }

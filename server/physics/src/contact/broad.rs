@@ -2,6 +2,7 @@
 
 use crate::Vec3;
 use crate::body::Body;
+use crate::grow::make_room;
 use crate::math::Aabb;
 
 /// Elements that there is room for before any is near. A tool is near a few hundred where elements are a tenth of its
@@ -24,9 +25,9 @@ impl NearElements {
     pub fn reserve(&mut self, elements: usize) {
         let elements = elements.min(ROOM_FOR_ELEMENTS);
         self.boxes.clear();
-        self.boxes.reserve(elements);
+        make_room(&mut self.boxes, elements);
         self.groups.clear();
-        self.groups.reserve(elements.div_ceil(GROUP));
+        make_room(&mut self.groups, elements.div_ceil(GROUP));
     }
 
     /// Finds the elements of `body` whose boxes meet any of `near`; returns which of those are met.

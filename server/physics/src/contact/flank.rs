@@ -3,6 +3,7 @@
 use super::{COMES_OUT_VOXELS_PER_S, Contact, Mode, ToolEnds};
 use crate::body::Body;
 use crate::boundary::{PatchKey, SurfacePatch};
+use crate::grow::make_room;
 use crate::math::cofactor;
 use crate::tool::Pose;
 use crate::tool::flanks::{FlankFace, FlankPoint, Flanks};
@@ -69,7 +70,7 @@ impl WallsBeside {
     /// Room for so many walls.
     pub fn reserve(&mut self, walls: usize) {
         for beside in [&mut self.walls, &mut self.before] {
-            beside.reserve(walls.saturating_sub(beside.len()));
+            make_room(beside, walls);
         }
     }
 

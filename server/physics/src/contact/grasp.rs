@@ -9,6 +9,7 @@ use super::{Contact, Mode, ToolEnds, narrow};
 use crate::Vec3;
 use crate::body::Body;
 use crate::grid::MaterialPoint;
+use crate::grow::make_room;
 use crate::math::Aabb;
 use crate::tool::grasper::{Grasper, Jaws};
 use crate::tool::{Pose, ToolPath};
@@ -75,8 +76,9 @@ impl Grasp {
     /// Room for all elements of the body around the jaws, and for all that they can hold.
     pub fn reserve(&mut self, elements: usize) {
         self.near.reserve(elements);
-        self.held.reserve(self.places_m.len() - self.held.len());
-        self.contacts.reserve(self.most_springs() - self.contacts.len());
+        make_room(&mut self.held, self.places_m.len());
+        let most = self.most_springs();
+        make_room(&mut self.contacts, most);
     }
 
     /// Number of springs that the grasp may have at most.

@@ -4,6 +4,7 @@ use super::{COMES_OUT_VOXELS_PER_S, Contact, ContactWeights, Mode, ToolEnds};
 use crate::Vec3;
 use crate::body::Body;
 use crate::boundary::{Skin, SkinPatch};
+use crate::grow::make_room;
 use crate::math::{Aabb, cofactor};
 use crate::solve::spring::ROOM_FOR_SPRINGS;
 use crate::tool::ToolPath;
@@ -58,9 +59,9 @@ impl Palpation {
     /// Makes room for a contact on every patch.
     pub fn reserve(&mut self, body: &Body) {
         let most = Self::most_springs(body);
-        self.contacts.reserve(most.saturating_sub(self.contacts.len()));
+        make_room(&mut self.contacts, most);
         for pressed in [&mut self.pressed, &mut self.before] {
-            pressed.reserve(most.saturating_sub(pressed.len()));
+            make_room(pressed, most);
         }
     }
 

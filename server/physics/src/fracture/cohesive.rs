@@ -65,17 +65,18 @@ impl CohesiveSprings {
         self.owed_j = 0.0;
     }
 
-    /// Joins the nodes that split (new, from) by springs that start with what pulls at the new ones. What would take
-    /// springs longer than `longest_m` stays owed until nodes split that more pulls at.
-    pub fn join(&mut self, split_nodes: &[(u32, u32)], pull_n: &[[f64; 3]], longest_m: f64) {
+    /// Joins the nodes of `body` that split (new, from) by springs that start with what pulls at the new ones. What would
+    /// take springs longer than an element's edge stays owed until nodes split that more pulls at.
+    pub fn join(&mut self, body: &Body, split_nodes: &[(u32, u32)]) {
+        if self.owed_j <= 0.0 || split_nodes.is_empty() {
+            return;
+        }
+        let pull_n = body.pull_n();
         let start_n = |new: u32| -STARTING_SHARE * Vec3::from(pull_n[new as usize]);
         let starts = split_nodes.iter().map(|&(new, from)| ([new, from], start_n(new)));
         let force_n: f64 = starts.clone().map(|(_, f)| f.norm()).sum();
-        if self.owed_j <= 0.0 || force_n <= 0.0 {
-            return;
-        }
         let length_m = 2.0 * self.owed_j / force_n;
-        if length_m > longest_m {
+        if force_n <= 0.0 || length_m > body.lattice_edge_m() {
             return;
         }
         self.springs.extend(starts.filter(|(_, f)| f.norm() > 0.0).map(|(nodes, start_n)| CohesiveSpring {

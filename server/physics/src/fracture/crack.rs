@@ -8,6 +8,7 @@
 
 use crate::Vec3;
 use crate::body::Body;
+use crate::grow::make_room;
 use crate::math::Aabb;
 use serde::{Deserialize, Serialize};
 
@@ -131,8 +132,9 @@ impl Crack {
 
     /// Room for so many more ends.
     pub(crate) fn reserve(&mut self, more: usize) {
-        self.ends.reserve(more);
-        self.near.reserve(self.ends.len() + more);
+        let count = self.ends.len() + more;
+        make_room(&mut self.ends, count);
+        make_room(&mut self.near, count);
     }
 
     /// What of the crack lies on a way.

@@ -19,6 +19,7 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::contact::{Mode, ON_SURFACE_VOXELS};
 use crate::grid::{Crossing, Link, LinkId};
+use crate::grow::make_room;
 use crate::scene::FractureRule;
 use crate::tool::Pose;
 use crate::tool::blade::Blade;
@@ -139,10 +140,10 @@ impl Front {
     /// Room for a spring on every marker, which a copy of a front lacks.
     pub fn reserve(&mut self) {
         let count = self.markers.len();
-        self.chain.reserve(count.saturating_sub(self.chain.len()));
-        self.target.reserve(count.saturating_sub(self.target.len()));
-        self.spans.reserve((3 * count).saturating_sub(self.spans.len()));
-        self.contacts.reserve(count.saturating_sub(self.contacts.len()));
+        make_room(&mut self.chain, count);
+        make_room(&mut self.target, count);
+        make_room(&mut self.spans, 3 * count);
+        make_room(&mut self.contacts, count);
     }
 
     /// Forgets every contact.

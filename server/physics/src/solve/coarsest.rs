@@ -11,6 +11,7 @@ use super::operator::Operator;
 use super::spring::PointSpring;
 use crate::fem::lanes::{for_packed, unpack};
 use crate::grid::levels::NONE;
+use crate::grow::make_room;
 use crate::walk::{Kept, WalkError};
 use serde::{Deserialize, Serialize};
 use wide::{f32x4, f64x4};
@@ -119,12 +120,12 @@ impl Coarsest {
             let most = self.piece.len().min(MOST_JOINED_NODES);
             let (pairs, entries) = (row_start(most, most), row_start(3 * most, 3 * most));
             let Joined { nodes, springs, elements, blocks, matrix, factor, .. } = &mut self.joined;
-            nodes.reserve(self.piece.len() - nodes.len());
-            springs.reserve(count.saturating_sub(springs.len()));
-            elements.reserve(pairs.saturating_sub(elements.len()));
-            blocks.reserve(pairs.saturating_sub(blocks.len()));
-            matrix.reserve(entries.saturating_sub(matrix.len()));
-            factor.reserve(entries.saturating_sub(factor.len()));
+            make_room(nodes, self.piece.len());
+            make_room(springs, count);
+            make_room(elements, pairs);
+            make_room(blocks, pairs);
+            make_room(matrix, entries);
+            make_room(factor, entries);
         }
     }
 

@@ -11,7 +11,7 @@ use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, times};
 use crate::fem::lanes::{self, PACKED};
 use crate::fem::packed::{PackedMatrix, Shared};
 use crate::grid::levels::{HangingNode, Level};
-use crate::grow::grow;
+use crate::grow::{grow, make_room};
 use crate::walk::{Kept, KeptHash};
 use crate::workers::{Grain, Workers};
 use serde::{Deserialize, Serialize};
@@ -466,8 +466,8 @@ impl Operator {
     /// Room for `count` springs.
     pub fn reserve_springs(&mut self, count: usize) {
         self.springs.clear();
-        self.springs.reserve(count);
-        self.sprung.reserve(POINT_NODES * count);
+        make_room(&mut self.springs, count);
+        make_room(&mut self.sprung, POINT_NODES * count);
     }
 
     /// Springs that act now.

@@ -6,6 +6,7 @@ use crate::contact::flank::WallsBeside;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::{BladeMotion, Crack, Front, FrontBook, Tissue};
 use crate::grid::{Crossing, LinkId};
+use crate::grow::make_room;
 use crate::solve::spring::ROOM_FOR_SPRINGS;
 use crate::tool::ToolPath;
 use crate::tool::blade::Blade;
@@ -45,7 +46,7 @@ impl BladeContact {
 
     pub(super) fn reserve(&mut self, walls: usize, elements: usize) {
         self.front.reserve();
-        self.flanks.reserve(walls.min(ROOM_FOR_SPRINGS).saturating_sub(self.flanks.len()));
+        make_room(&mut self.flanks, walls.min(ROOM_FOR_SPRINGS));
         self.beside.reserve(walls);
         self.near.reserve(elements);
     }

@@ -8,6 +8,7 @@ use crate::contact::ends::point_springs;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::Crack;
 use crate::grid::{Crossing, LinkId};
+use crate::grow::make_room;
 use crate::ledger::BodyLedger;
 use crate::solve::spring::{POINT_NODES, PointSpring, ROOM_FOR_SPRINGS};
 use crate::tool::part::ToolPart;
@@ -122,7 +123,7 @@ impl BodySlot {
         let of_cohesive = self.tension.as_ref().map_or(0, |tension| tension.cohesive.count());
         let springs = of_tools + of_cohesive + tissue_springs.min(ROOM_FOR_SPRINGS);
         self.scratch.impulses.clear();
-        self.scratch.impulses.reserve(POINT_NODES * springs);
+        make_room(&mut self.scratch.impulses, POINT_NODES * springs);
         self.body.reserve(springs);
     }
 

@@ -51,8 +51,6 @@ impl Tension {
     /// Follows what parted.
     pub(super) fn follow(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
         self.tearing.update(body, parted);
-        if !change.split_nodes.is_empty() {
-            self.cohesive.join(&change.split_nodes, &body.pull_n(), body.lattice_edge_m());
-        }
+        self.cohesive.join(body, &change.split_nodes);
     }
 }

@@ -10,6 +10,7 @@ use crate::contact::candidates::{Candidates, Reach};
 use crate::contact::ends::{TissueEnd, TissueEnds};
 use crate::contact::press::{Approach, MARGIN_VOXELS, PatchOf, PlacedPatch, Plane, PointBelow, approach, meet};
 use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact, pressed_m};
+use crate::grow::make_room;
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::{PointSpring, ROOM_FOR_SPRINGS};
@@ -235,15 +236,15 @@ impl TissueContacts {
         let most = self.most_springs();
         self.candidates.reserve(bodies(slots), most);
         self.placed.clear();
-        self.placed.reserve(most.min(ROOM_FOR_CANDIDATES));
+        make_room(&mut self.placed, most.min(ROOM_FOR_CANDIDATES));
         self.planes.clear();
-        self.planes.reserve(most.min(ROOM_FOR_CANDIDATES));
+        make_room(&mut self.planes, most.min(ROOM_FOR_CANDIDATES));
         self.approaches.clear();
-        self.approaches.reserve(ROOM_FOR_APPROACHES);
+        make_room(&mut self.approaches, ROOM_FOR_APPROACHES);
         let springs = most.min(ROOM_FOR_SPRINGS);
-        self.springs.reserve(springs.saturating_sub(self.springs.len()));
+        make_room(&mut self.springs, springs);
         self.bridges.clear();
-        self.bridges.reserve(if slots.len() > 1 { springs } else { 0 });
+        make_room(&mut self.bridges, if slots.len() > 1 { springs } else { 0 });
         self.groups.reserve(slots);
     }
 

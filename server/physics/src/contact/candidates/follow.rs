@@ -6,6 +6,7 @@ use super::{Candidates, Lists, OfBody, SLACK_ELEMENTS, SeenPatch, room_for_other
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::press::FACING;
+use crate::grow::make_room;
 use crate::math::Aabb;
 
 /// What the cosine between two normals may fall by while patches are not looked for: elements whose nodes move by the
@@ -136,17 +137,17 @@ impl OfBody {
 
 impl Follower {
     pub(super) fn reserve(&mut self, patches: usize, nodes: usize) {
-        self.seen.reserve(patches.saturating_sub(self.seen.len()));
+        make_room(&mut self.seen, patches);
         self.hash.reserve(patches);
         self.lists.reserve(patches);
         for list in [&mut self.after, &mut self.before] {
-            list.reserve(patches.saturating_sub(list.len()));
+            make_room(list, patches);
         }
-        self.again_m.reserve(patches.saturating_sub(self.again_m.len()));
+        make_room(&mut self.again_m, patches);
         for pairs in [&mut self.found, &mut self.returned] {
-            pairs.reserve(room_for_others(patches).saturating_sub(pairs.len()));
+            make_room(pairs, room_for_others(patches));
         }
-        self.speeds.reserve(nodes.saturating_sub(self.speeds.len()));
+        make_room(&mut self.speeds, nodes);
     }
 
     fn begin(&mut self, before: usize) {

@@ -1,6 +1,7 @@
 //! Broad phase of tissue against tissue: a spatial hash of points (Teschner et al. 2003).
 
 use crate::Vec3;
+use crate::grow::make_room;
 
 const NONE: u32 = u32::MAX;
 /// Buckets per point, at least: few cells then share one.
@@ -32,8 +33,8 @@ struct Point {
 impl PointHash {
     /// Room for so many points.
     pub(super) fn reserve(&mut self, points: usize) {
-        self.points.reserve(points.saturating_sub(self.points.len()));
-        self.heads.reserve(buckets(points).saturating_sub(self.heads.len()));
+        make_room(&mut self.points, points);
+        make_room(&mut self.heads, buckets(points));
     }
 
     /// Sorts points, each with its name, into cells twice as wide as `reach_m`.

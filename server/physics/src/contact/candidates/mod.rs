@@ -10,6 +10,7 @@ use super::press::PlacedPatch;
 use crate::Vec3;
 use crate::body::Body;
 use crate::boundary::SurfacePatch;
+use crate::grow::make_room;
 use follow::Follower;
 use nodes::Nodes;
 
@@ -104,7 +105,7 @@ struct Lists {
 impl Candidates {
     /// Makes room for as many as there may be.
     pub fn reserve<'a>(&mut self, bodies: impl ExactSizeIterator<Item = &'a Body>, patches: usize) {
-        self.seen.reserve(patches.saturating_sub(self.seen.len()));
+        make_room(&mut self.seen, patches);
         self.lists.reserve(patches);
         self.bodies.resize_with(bodies.len(), OfBody::default);
         let mut nodes_of_all = 0;
@@ -112,8 +113,8 @@ impl Candidates {
             let OfBody { nodes, patches, again, .. } = of_body;
             nodes.reserve(body.node_count());
             nodes_of_all += body.node_count();
-            patches.reserve(body.boundary().patches().len().saturating_sub(patches.len()));
-            again.reserve(body.base().elements.len().saturating_sub(again.len()));
+            make_room(patches, body.boundary().patches().len());
+            make_room(again, body.base().elements.len());
         }
         self.follower.reserve(patches, nodes_of_all);
     }
@@ -150,9 +151,9 @@ impl Candidates {
 impl Lists {
     fn reserve(&mut self, patches: usize) {
         for list in [&mut self.patches, &mut self.ends, &mut self.places] {
-            list.reserve(patches.saturating_sub(list.len()));
+            make_room(list, patches);
         }
-        self.others.reserve(room_for_others(patches).saturating_sub(self.others.len()));
+        make_room(&mut self.others, room_for_others(patches));
     }
 
     fn clear(&mut self) {

@@ -2,6 +2,7 @@
 
 use crate::Vec3;
 use crate::body::{Body, Nodal};
+use crate::grow::make_room;
 
 /// Fraction of the slack that nodes may have used up where others of their element are placed again: by 0.032
 /// the element has turned, by 0.048 it turns from there, 0.08 together, which is what
@@ -45,9 +46,9 @@ impl Motion {
 
 impl Nodes {
     pub(super) fn reserve(&mut self, count: usize) {
-        self.found_at_m.reserve(count.saturating_sub(self.found_at_m.len()));
-        self.may_move_m.reserve(count.saturating_sub(self.may_move_m.len()));
-        self.placed.reserve(count.saturating_sub(self.placed.len()));
+        make_room(&mut self.found_at_m, count);
+        make_room(&mut self.may_move_m, count);
+        make_room(&mut self.placed, count);
     }
 
     pub(super) fn forget(&mut self) {
