@@ -116,37 +116,42 @@ impl Body {
     /// other element has. Returns whether that changed.
     fn find_still_nodes(&mut self, element: usize) -> bool {
         let nodes = self.base().elements[element].nodes;
-        let mask = |is: &dyn Fn(u32) -> bool| (0..8).filter(|a| is(nodes[*a])).fold(0, |mask, a| mask | 1 << a);
-        let (still, lone) = (mask(&|node| self.stands_still(node)), mask(&|node| self.is_lone(element, node)));
+        let (mut still, mut lone) = (0, 0);
+        for (a, node) in nodes.into_iter().enumerate() {
+            let around = self.elements_at(self.base().nodes[node as usize]);
+            still |= u8::from(self.stands_still(node, &around)) << a;
+            lone |= u8::from(self.is_lone(element, node, &around)) << a;
+        }
         let corners = self.state.held.corners[element].as_deref_mut().expect("it is held");
         let changed = (corners.still(), corners.lone()) != (still, lone);
         corners.set_nodes(still, lone);
         changed
     }
 
-    /// Whether no element but this one has a node.
-    fn is_lone(&self, element: usize, node: u32) -> bool {
-        let mut others =
-            self.elements_at(self.base().nodes[node as usize]).into_iter().filter(|e| *e as usize != element);
-        others.all(|e| !self.base().elements[e as usize].nodes.contains(&node))
+    /// Whether no element but this one has a node, of those around it.
+    fn is_lone(&self, element: usize, node: u32, around: &[u32]) -> bool {
+        let mut others = around.iter().filter(|e| **e as usize != element);
+        others.all(|e| !self.base().elements[*e as usize].nodes.contains(&node))
     }
 
     /// Whether every element around a node is to be held at it.
-    fn stands_still(&self, node: u32) -> bool {
+    fn stands_still(&self, node: u32, around: &[u32]) -> bool {
         let base = self.base();
-        let around = self.elements_at(base.nodes[node as usize]);
         // Where small elements meet large ones nodes go where others take them.
         let alike = around.iter().all(|e| base.elements[*e as usize].size == base.elements[around[0] as usize].size);
         alike
-            && around.into_iter().all(|e| {
-                let Some(corner) = base.elements[e as usize].nodes.iter().position(|n| *n == node) else { return true };
-                self.state.held.nodes[e as usize].is_some_and(|nodes| nodes >> corner & 1 == 1)
+            && around.iter().all(|e| {
+                let Some(corner) = base.elements[*e as usize].nodes.iter().position(|n| *n == node) else {
+                    return true;
+                };
+                self.state.held.nodes[*e as usize].is_some_and(|nodes| nodes >> corner & 1 == 1)
             })
     }
 
     /// The corners of an element's voxels; `None` where none is held.
     fn voxel_corners(&self, element: usize, voxels: &[VoxelId]) -> Option<Box<VoxelCorners>> {
-        if !voxels.iter().any(|voxel| self.description.holds[voxel.index()] >= Hold::Beside) {
+        let is_beside = |voxel: &&VoxelId| self.description.holds[voxel.index()] >= Hold::Beside;
+        if !voxels.iter().any(|voxel| is_beside(&voxel)) {
             return None;
         }
         let low = self.first_voxel_of(element);
@@ -157,11 +162,13 @@ impl Body {
                 corners.set(from(corner, low), Corner::Shared);
             }
         }
-        for voxel in voxels.iter().filter(|voxel| self.description.holds[voxel.index()] >= Hold::Beside) {
+        let mut seen = vec![false; corners.len()];
+        for voxel in voxels.iter().filter(is_beside) {
             let cell = self.state.grid.voxels()[voxel.index()].ijk;
             for corner in (0..8).map(|c| [0, 1, 2].map(|a| cell[a] + (c >> a & 1))) {
-                if self.is_held_at(element, corner) {
-                    corners.set(from(corner, low), Corner::Held);
+                let at = from(corner, low);
+                if !std::mem::replace(&mut seen[corners.index(at)], true) && self.is_held_at(element, corner) {
+                    corners.set(at, Corner::Held);
                 }
             }
         }
@@ -190,16 +197,22 @@ impl Body {
         if owners.is_empty() || owners.contains(&(element as u32)) {
             return !owners.is_empty();
         }
+        let neighbours = |element: u32| self.base().elements[element as usize].neighbours.iter().map(|(_, other)| *other);
+        let is_beside_owner = |element: u32| neighbours(element).any(|other| owners.contains(&other));
+        // For most corners that is all there is to find out.
+        if is_beside_owner(element as u32) {
+            return true;
+        }
         let around = self.base().elements_beside(cells_around(corner));
         let mut linked = vec![element as u32];
         let mut next = 0;
         while next < linked.len() {
-            for (_, other) in &self.base().elements[linked[next] as usize].neighbours {
-                if owners.contains(other) {
-                    return true;
-                }
-                if around.contains(other) && !linked.contains(other) {
-                    linked.push(*other);
+            for other in neighbours(linked[next]).filter(|other| around.contains(other)) {
+                if !linked.contains(&other) {
+                    if is_beside_owner(other) {
+                        return true;
+                    }
+                    linked.push(other);
                 }
             }
             next += 1;

@@ -6,6 +6,7 @@ use crate::fault::FaultKind;
 use crate::fem::block::LANES;
 use crate::fem::viscosity::BranchState;
 use crate::grid::levels::NONE;
+use crate::grow::grow;
 use crate::solve::vectors::NODE_GRAIN;
 use crate::workers::Workers;
 use serde::{Deserialize, Serialize};
@@ -111,8 +112,8 @@ impl Body {
     pub(crate) fn save_state(&mut self, workers: &Workers<'_>) {
         let is_viscous = self.is_viscous();
         let SavedState { position_m, rotation, branch } = &mut self.state.saved;
-        position_m.resize(self.state.position_m.len(), [0.0; 3]);
-        rotation.resize(self.state.elements.len(), [f64x4::ZERO; 4]);
+        grow(position_m, self.state.position_m.len(), [0.0; 3]);
+        grow(rotation, self.state.elements.len(), [f64x4::ZERO; 4]);
         workers.for_chunks((&mut position_m[..], &self.state.position_m[..]), NODE_GRAIN, |_, (saved, x)| {
             saved.copy_from_slice(x);
         });

@@ -56,7 +56,7 @@ impl Scratch {
         self.nodal.resize_with(assembly.chunks().len(), Default::default);
         for (nodal, chunk) in self.nodal.iter_mut().zip(assembly.chunks()) {
             for values in [&mut nodal.position_m, &mut nodal.velocity_m_per_s, &mut nodal.velocity_change] {
-                values.resize(chunk.len(), f64x4::ZERO);
+                grow(values, chunk.len(), f64x4::ZERO);
             }
         }
         grow(&mut self.fits, level.elements.len().div_ceil(LANES), ModelFit::default());

@@ -10,6 +10,7 @@ use crate::fem::block::{ElementState, LANES};
 use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, VoxelUnits};
 use crate::grid::{Grid, voxelize};
+use crate::grow::grow;
 use crate::math::Nodal;
 use crate::scene::{Meshes, ObjectDesc, SceneError};
 use crate::solve::assembly::CHUNK_ELEMENTS;
@@ -56,7 +57,7 @@ impl State {
         let mut state = Self {
             grid,
             position_m: Vec::new(),
-            velocity_m_per_s: vec![[0.0; 3]; levels[0].nodes.len()],
+            velocity_m_per_s: Vec::new(),
             levels: levels.into(),
             elements: Vec::new(),
             balance_n: Vec::new(),
@@ -66,7 +67,10 @@ impl State {
             boundary: Boundary::default(),
             saved: SavedState::default(),
         };
-        state.position_m = (0..state.levels[0].nodes.len()).map(|n| state.rest_position_m(n).into()).collect();
+        let nodes = state.levels[0].nodes.len();
+        grow(&mut state.position_m, nodes, [0.0; 3]);
+        grow(&mut state.velocity_m_per_s, nodes, [0.0; 3]);
+        (0..nodes).for_each(|node| state.position_m[node] = state.rest_position_m(node).into());
         Ok(state)
     }
 

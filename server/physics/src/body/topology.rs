@@ -5,6 +5,7 @@ use crate::boundary::Solid;
 use crate::fem::block::LANES;
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
 use crate::grid::{Crossing, Grid, Ijk, LEAST_PIECE_VOXELS, LinkId, VoxelId};
+use crate::grow::grow;
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::workers::Workers;
 
@@ -46,9 +47,12 @@ impl Body {
         if base.touched_cells.is_empty() {
             return TopologyChange::default();
         }
-        for &(_, from) in &base.split_nodes {
-            self.state.position_m.push(self.state.position_m[from as usize]);
-            self.state.velocity_m_per_s.push(self.state.velocity_m_per_s[from as usize]);
+        let nodes = self.base().nodes.len();
+        grow(&mut self.state.position_m, nodes, [0.0; 3]);
+        grow(&mut self.state.velocity_m_per_s, nodes, [0.0; 3]);
+        for &(new, from) in &base.split_nodes {
+            self.state.position_m[new as usize] = self.state.position_m[from as usize];
+            self.state.velocity_m_per_s[new as usize] = self.state.velocity_m_per_s[from as usize];
         }
         self.resize_blocks();
         for &(new, from) in &base.split_elements {

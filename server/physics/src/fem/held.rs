@@ -71,7 +71,15 @@ impl VoxelCorners {
         Self { exponent: 0, corners: (0..8).map(corner).collect(), still: held, lone: 0 }
     }
 
-    fn index(&self, at: [i32; 3]) -> usize {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Place among them of the corner at `at`, in voxels from the cell's lower corner.
+    #[must_use]
+    pub fn index(&self, at: [i32; 3]) -> usize {
         let across = (1 << self.exponent) + 1;
         ((at[2] * across + at[1]) * across + at[0]) as usize
     }

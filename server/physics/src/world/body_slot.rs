@@ -8,7 +8,7 @@ use crate::contact::ends::point_springs;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::Crack;
 use crate::grid::{Crossing, LinkId};
-use crate::grow::make_room;
+use crate::grow::{grow, make_room};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::{POINT_NODES, PointSpring, ROOM_FOR_SPRINGS};
 use crate::tool::part::ToolPart;
@@ -139,7 +139,7 @@ impl BodySlot {
         of_tissue: (impl Iterator<Item = (u32, [f64; 3])>, impl Iterator<Item = PointSpring>),
         dt_s: f64,
     ) -> f64 {
-        self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
+        grow(&mut self.velocity_change, self.body.node_count(), [0.0; 3]);
         self.scratch.impulses.clear();
         let of_tools = || self.contacts.iter().flat_map(ToolContact::springs);
         let cohesive = || self.tension.iter().flat_map(|tension| &tension.cohesive.contacts);
@@ -183,7 +183,7 @@ impl BodySlot {
     pub(super) fn take_edits(&mut self, workers: &Workers<'_>) -> bool {
         let Some(version) = self.edited.take() else { return false };
         self.wake();
-        self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
+        grow(&mut self.velocity_change, self.body.node_count(), [0.0; 3]);
         self.body.evaluate(workers, 20);
         if self.body.find_lost(f64::INFINITY).is_none() {
             self.body.save_state(workers);

@@ -4,6 +4,7 @@ use super::scratch::Scratch;
 use super::state::State;
 use crate::body::{PartedLinks, TopologyChange};
 use crate::fracture::{FrontBook, samples_drive};
+use crate::grow::grow;
 use crate::step_io::StepOutput;
 use crate::workers::Workers;
 
@@ -48,7 +49,7 @@ pub(super) fn update_topology(workers: &Workers<'_>, state: &mut State, output: 
             continue;
         }
         slot.scratch.change = slot.body.update_topology(workers, &slot.scratch.parted);
-        slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
+        grow(&mut slot.velocity_change, slot.body.node_count(), [0.0; 3]);
         slot.ledger.after = slot.body.energy();
         let (parted, change) = (&slot.scratch.parted, &slot.scratch.change);
         slot.tension.iter_mut().for_each(|tension| tension.follow(&slot.body, parted, change));

@@ -2,7 +2,7 @@
 
 use crate::Vec3;
 use crate::body::{Body, Nodal};
-use crate::grow::make_room;
+use crate::grow::{grow, make_room};
 
 /// Fraction of the slack that nodes may have used up where others of their element are placed again: by 0.032
 /// the element has turned, by 0.048 it turns from there, 0.08 together, which is what
@@ -80,23 +80,19 @@ impl Nodes {
     /// that they split from, and from here on they move by themselves.
     pub(super) fn place_again(&mut self, body: &Body, motion: Motion) {
         self.motion = motion;
-        let known = self.found_at_m.len();
-        self.found_at_m.extend_from_slice(&body.state.position_m[known..]);
-        self.may_move_m.resize(known, 0.0);
-        self.placed.clear();
-        for node in 0..body.node_count() {
+        let (known, count) = (self.found_at_m.len(), body.node_count());
+        grow(&mut self.found_at_m, count, [0.0; 3]);
+        grow(&mut self.may_move_m, count, 0.0);
+        grow(&mut self.placed, count, false);
+        for node in 0..count {
             let stays = node < known
                 && self.may_move_m[node] <= motion.slack_m
                 && self.gone_m(body, node) <= MOST_SLACK_USED * motion.slack_m;
-            self.placed.push(!stays);
+            self.placed[node] = !stays;
             if !stays {
                 self.found_at_m[node] = body.state.position_m[node];
                 let travel_m = motion.travel_m(body.state.velocity_m_per_s[node], body.dt_s());
-                let may_move_m = motion.may_move_m(travel_m);
-                match self.may_move_m.get_mut(node) {
-                    Some(known) => *known = may_move_m,
-                    None => self.may_move_m.push(may_move_m),
-                }
+                self.may_move_m[node] = motion.may_move_m(travel_m);
             }
         }
     }
