@@ -197,7 +197,8 @@ impl Body {
         if owners.is_empty() || owners.contains(&(element as u32)) {
             return !owners.is_empty();
         }
-        let neighbours = |element: u32| self.base().elements[element as usize].neighbours.iter().map(|(_, other)| *other);
+        let neighbours =
+            |element: u32| self.base().elements[element as usize].neighbours.iter().map(|(_, other)| *other);
         let is_beside_owner = |element: u32| neighbours(element).any(|other| owners.contains(&other));
         // For most corners that is all there is to find out.
         if is_beside_owner(element as u32) {

@@ -317,23 +317,27 @@ impl<'a> Displacements<'a> {
             return None;
         }
         let mut own = DMatrix::<f64>::zeros(3 * count, 3 * count);
-        let mut unbalanced = DMatrix::<f64>::zeros(3 * count, ALL);
+        // A column for each row of what is returned: sums are added to places next to each other.
+        let mut unbalanced = DMatrix::<f64>::zeros(ALL, 3 * count);
         for (voxel, matrices, share) in voxels {
             let weights = self.of_voxel(*voxel);
             let numbers: Vec<_> = corners_of(*voxel).map(|at| number[self.corners.index(at)]).collect();
             for (row, to) in numbers.iter().enumerate().filter_map(|(row, to)| Some((row, (*to)?))) {
                 for (column, (weights, other)) in weights.iter().zip(&numbers).enumerate() {
-                    let k = |i: usize, j: usize| share * matrices.stiffness[3 * row + i][3 * column + j];
-                    for (i, j) in (0..9).map(|n| (n / 3, n % 3)) {
-                        (0..SHARES).for_each(|q| unbalanced[(3 * to + i, 3 * q + j)] += k(i, j) * weights[q]);
+                    for i in 0..3 {
+                        let k = [0, 1, 2].map(|j| share * matrices.stiffness[3 * row + i][3 * column + j]);
+                        let mut sums = unbalanced.column_mut(3 * to + i);
+                        for (sums, weight) in sums.as_mut_slice().as_chunks_mut::<3>().0.iter_mut().zip(weights) {
+                            (0..3).for_each(|j| sums[j] += k[j] * weight);
+                        }
                         if let Some(other) = other {
-                            own[(3 * to + i, 3 * other + j)] += k(i, j);
+                            (0..3).for_each(|j| own[(3 * to + i, 3 * other + j)] += k[j]);
                         }
                     }
                 }
             }
         }
-        Some((own, unbalanced))
+        Some((own, unbalanced.transpose()))
     }
 
     /// What `P^T K P` loses where corners that no other element has go where the voxels' stiffness takes them.
