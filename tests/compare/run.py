@@ -64,7 +64,8 @@ class Version:
     def load(self, *options):
         command = [self.client, "--server", f"http://{ADDRESS}", "--wait-for-server", 10, "--scene", "liver", "--progress",
                    "off", "--out", OUT / "load", *options]
-        return subprocess.run([str(part) for part in command], check=True, capture_output=True, text=True).stdout
+        # What it complains of is seen.
+        return subprocess.run([str(part) for part in command], check=True, stdout=subprocess.PIPE, text=True).stdout
 
     def session_bytes(self):
         """What each liver adds to a server's memory."""
