@@ -86,7 +86,7 @@ pub struct Operator {
 #[allow(unsafe_code, reason = "a gather of lanes: 64 checks a block are a tenth of a product")]
 fn gather(corners: &[[u16; LANES]; 8], values: &[f32x4]) -> [f32x8; 24] {
     let at = |slot: u16| {
-        #[cfg(test)]
+        #[cfg(any(test, debug_assertions))]
         assert!(usize::from(slot) < values.len());
         // SAFETY: a chunk gives out slots below its length, and `Assembly::by_chunk` buffers of that length.
         unsafe { *values.get_unchecked(usize::from(slot)) }
@@ -103,7 +103,7 @@ fn scatter(corners: &[[u16; LANES]; 8], y: &[f32x8; 24], sums: &mut [f32x4]) {
     for (corner, slots) in corners.iter().enumerate() {
         let vectors = lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
         for (slot, vector) in slots.iter().zip(vectors) {
-            #[cfg(test)]
+            #[cfg(any(test, debug_assertions))]
             assert!(usize::from(*slot) < sums.len());
             // SAFETY: as in `gather`.
             unsafe { *sums.get_unchecked_mut(usize::from(*slot)) += vector };
