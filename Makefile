@@ -55,8 +55,9 @@ haptics:
 viewer: $(if $(NPM),client/web/dist/index.html)
 	@$(if $(NPM),,echo "There is no npm here: the server comes without its web viewer.")
 
-# What follows from the protocol is made by the build itself.
-VIEWER_SOURCES := $(wildcard client/web/*.*) $(shell find client/web/src client/web/public proto/kerf -type f -not -path '*/gen/*')
+# What follows from the protocol is made by the build itself. In an image's stages some of the folders are missing.
+VIEWER_SOURCES := $(wildcard client/web/*.*) \
+	$(shell find client/web/src client/web/public proto/kerf -type f -not -path '*/gen/*' 2>/dev/null)
 client/web/dist/index.html: $(VIEWER_SOURCES) | client/web/node_modules
 	cd client/web && npm run --silent build
 

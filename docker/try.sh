@@ -1,5 +1,6 @@
 #!/bin/sh
-# Builds both images, starts the server from one and loads it from the other. With an engine that is docker compose.
+# Builds both images, starts the server from one and loads it from the other. With an engine that is docker compose, and
+# the server is killed: its session has to come back.
 # Without one, buildah does it as root in a chroot, on a Debian from debootstrap; it borrows this machine's Rust, Node and
 # mdBook, since there the usual images cannot be fetched. What is missing is said, and nothing is tried.
 set -eu
@@ -13,6 +14,14 @@ if has docker && docker info >/dev/null 2>&1; then
     trap '$compose down --volumes' EXIT
     $compose build
     $compose run --rm load
+    access="--server https://server:50051 --ca-file clients/certificate.pem --token-file clients/load"
+    $compose run --rm load $access --scene liver --step-rates 60 --strokes 1 --depth 0.05 --speed 0.05 --keep-session
+    $compose exec -T server sh -c 'kill -9 $(pidof kerf-server)'
+    tries=0
+    until $compose run --rm --entrypoint kerf-server access session $access list | grep running; do
+        tries=$((tries + 1)); [ $tries -lt 20 ] || { echo "images: the session is not back"; exit 1; }
+        sleep 0.5
+    done
     exit
 fi
 for tool in buildah debootstrap cargo npm; do

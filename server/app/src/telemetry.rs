@@ -2,7 +2,7 @@
 //! reads, or that cannot be written, are left out.
 
 use std::backtrace::{Backtrace, BacktraceStatus};
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -40,7 +40,9 @@ pub fn init(config: &ServerConfig) -> Result<Telemetry> {
     let filter = filter.add_directive(format!("{TRACES}=off").parse()?);
     let traces = Traces::begin(&config.traces)?;
     let (log, lines) = Log::begin(io::stderr())?;
-    let writer = tracing_subscriber::fmt::layer().with_writer(move || lines.clone());
+    // Colours are for terminals, not for journald, an engine's log or a file.
+    let is_coloured = io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let writer = tracing_subscriber::fmt::layer().with_ansi(is_coloured).with_writer(move || lines.clone());
     let writer = match config.log.format {
         LogFormat::Text => writer.boxed(),
         LogFormat::Json => writer.json().boxed(),

@@ -63,4 +63,5 @@ async fn refused_connections_are_told_once_with_the_limit_that_was_in_the_way() 
     let said = std::fs::read_to_string(log.path()).unwrap();
     let lines: Vec<&str> = said.lines().filter(|line| line.contains("a connection was refused")).collect();
     assert!(matches!(lines[..], [line] if line.contains("transport.max_connections_per_peer")), "{said}");
+    assert!(!said.contains('\u{1b}'), "colours are for terminals: {said:?}");
 }

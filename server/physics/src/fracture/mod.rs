@@ -32,16 +32,6 @@ mod way_in;
 
 pub use book::FrontBook;
 pub use crack::Crack;
+pub use drive::is_due as is_drive_due;
 pub use front::{BladeMotion, Front};
 pub use marker::Tissue;
-
-/// How often what a body sets free is sampled at one place ahead of blades, s: not every one of shorter steps does.
-/// Ours: two steps of 1 kHz, in which a front of 0.1 m/s goes on by a tenth of a voxel. Half or twice of it moves the
-/// force by 0.2 %, rms.
-const SAMPLE_EVERY_S: f64 = 2e-3;
-
-/// Whether the step of this number samples the drive at one place of each front.
-#[must_use]
-pub fn samples_drive(step: u64, dt_s: f64) -> bool {
-    step.is_multiple_of((SAMPLE_EVERY_S / dt_s).round().max(1.0) as u64)
-}

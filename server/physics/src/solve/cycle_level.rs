@@ -3,8 +3,9 @@
 //! The smoother is the 4th-kind Chebyshev iteration (Lottes 2023) with optimised weights on the
 //! block-diagonal-scaled matrix.
 
+use super::diagonal::Diagonal;
 use super::lists::Lists;
-use super::operator::{Diagonal, Operator, masters_of};
+use super::operator::{Operator, masters_of};
 use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, dot};
 use crate::fem::composite::shape_functions;
 use crate::fem::packed::PackedMatrix;

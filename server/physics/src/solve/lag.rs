@@ -3,7 +3,8 @@
 
 use super::assembly::LANES;
 use super::cycle_level::CycleLevel;
-use super::operator::{Diagonal, OperatorBlock};
+use super::diagonal::Diagonal;
+use super::operator::OperatorBlock;
 use crate::fem::packed::PackedMatrix;
 use crate::grid::levels::Level;
 use crate::walk::{Kept, KeptView, WalkError};

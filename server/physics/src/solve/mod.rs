@@ -4,6 +4,7 @@
 pub mod assembly;
 pub mod coarsest;
 mod cycle_level;
+mod diagonal;
 mod lag;
 mod lists;
 pub mod multigrid;

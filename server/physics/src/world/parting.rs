@@ -3,14 +3,14 @@
 use super::scratch::Scratch;
 use super::state::State;
 use crate::body::{PartedLinks, TopologyChange};
-use crate::fracture::{FrontBook, samples_drive};
+use crate::fracture::{FrontBook, is_drive_due};
 use crate::grow::grow;
 use crate::step_io::StepOutput;
 use crate::workers::Workers;
 
 /// Fronts of blades go on, and cuts under tension; which links that crosses is found, none is parted yet.
 pub(super) fn advance_fronts(dt_s: f64, state: &mut State, scratch: &mut Scratch, output: &mut StepOutput) {
-    let samples = samples_drive(state.step, dt_s);
+    let is_due = is_drive_due(state.step, dt_s);
     for slot in state.slots.iter_mut().filter(|slot| !slot.is_asleep()) {
         let mut book = FrontBook::default();
         for (tool, contact) in state.tools.iter().zip(&mut slot.contacts) {
@@ -21,7 +21,7 @@ pub(super) fn advance_fronts(dt_s: f64, state: &mut State, scratch: &mut Scratch
                     slot.tension.is_some(),
                     &mut slot.scratch.parting,
                 ));
-                if samples {
+                if is_due {
                     contact.sample_drive(&slot.body);
                 }
             }
