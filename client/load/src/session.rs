@@ -107,7 +107,7 @@ pub fn dial_text(dial: &v1::DialChoice) -> String {
     let setting = dial.setting.as_ref().map_or_else(String::new, |setting| {
         let finer = if setting.has_finer_regions { ", finer regions" } else { "" };
         let v1::DialSetting { level, voxel_scale, relative_tolerance, element, .. } = setting;
-        format!(" level {level}, voxels x {voxel_scale}, tolerance {relative_tolerance:e}, elements {element}{finer}")
+        format!(" level {level}, voxels x {voxel_scale}, tolerance {relative_tolerance:.1e}, elements {element}{finer}")
     });
     let expected = dial.expected.as_ref().map_or_else(String::new, |expected| {
         let v1::DialExpectation { median_ms, p99_ms, displacement_error, force_error, hardware } = expected;

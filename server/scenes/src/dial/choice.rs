@@ -34,7 +34,7 @@ impl fmt::Display for Choice {
                 let Setting { level, voxel_scale, rate_hz, relative_tolerance, element, .. } = s;
                 write!(
                     f,
-                    "dial {}: level {level}, voxels x {voxel_scale}, {rate_hz} Hz, tolerance {relative_tolerance:e}, \
+                    "dial {}: level {level}, voxels x {voxel_scale}, {rate_hz} Hz, tolerance {relative_tolerance:.1e}, \
                      elements {}, finer regions {finer}; ",
                     self.asked,
                     element.name()
@@ -224,7 +224,7 @@ mod tests {
         let (_, choice) = ParetoFronts::default().settle(scene, Some(DialDesc::Level(1))).unwrap();
         let told = choice.unwrap().to_string();
         assert!(
-            told.starts_with("dial level = 1: level 1, voxels x 1, 1000 Hz, tolerance 1e-3, elements by_content"),
+            told.starts_with("dial level = 1: level 1, voxels x 1, 1000 Hz, tolerance 1.0e-3, elements by_content"),
             "{told}"
         );
     }
