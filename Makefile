@@ -106,10 +106,10 @@ test-viewer: viewer
 	$(PROGRAMS)
 	@client/web/e2e/run.sh viewer
 
-# The Python client against a live server. What is missing for it is said.
+# The Python client against a live server. What is missing for it is said. Many tests wait: three at a time, of which one has Ray.
 test-python:
 	$(PROGRAMS)
-	@client/python/check.sh tests pytest --quiet
+	@client/python/check.sh tests pytest --quiet --numprocesses=3 --dist=loadgroup
 
 # The Unity package and its sample, compiled by mono and tried against a server.
 test-unity:

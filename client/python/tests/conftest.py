@@ -64,3 +64,10 @@ def cluster():
         yield cluster
         pytest.importorskip("ray").shutdown()
         cluster.shutdown()
+
+
+def pytest_collection_modifyitems(items):
+    """Tests that need the cluster go to one worker: it takes 3 s to start."""
+    for item in items:
+        if "cluster" in getattr(item, "fixturenames", ()) or "ray.md" in item.name:
+            item.add_marker(pytest.mark.xdist_group("cluster"))
