@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 /// A free part turns by at most this angle in a step, rad: what it meets is looked for along a straight line.
 pub(super) const MOST_TURN_RAD: f64 = 0.25;
-/// Fixed-point iterations for the spin at the middle of a step; each gains as many digits as the turn is small.
-const SPIN_ITERATIONS: usize = 4;
+/// Newton's iterations for the spin of a step; each gains two digits and more, as turns are small.
+const SPIN_ITERATIONS: usize = 8;
 
 /// Mass, and momentum that is missing, of a part or of several as one.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -64,14 +64,24 @@ pub(super) struct Turn {
 }
 
 impl Turn {
+    /// By the mean of the spins at both ends of the step, in the frame that turns along (after Simo and Wong 1991). With the
+    /// angular momentum L and the inertia J the spin is `J^-1 R^T L` at the end, R = exp(dt w), and w the mean of
+    /// both: `R^T L - L` is at right angles to w then, so that the energy `1/2 L . R J^-1 R^T L` stays as it is.
     pub(super) fn of(motion: Totals, dt_s: f64) -> Self {
-        let rotation = |spin: Vec3, share: f64| *Rotation3::new(spin * (share * dt_s)).matrix();
-        let mut spin = motion.spin;
+        let rotation = |spin: Vec3| *Rotation3::new(spin * dt_s).matrix();
         let inertia = motion.inertia.lu();
+        let mut spin = motion.spin;
         for _ in 0..SPIN_ITERATIONS {
-            let half = rotation(spin, 0.5);
-            spin = half * inertia.solve(&half.tr_mul(&motion.angular)).unwrap_or_default();
+            let angular = rotation(spin).tr_mul(&motion.angular);
+            let Some(after) = inertia.solve(&angular) else { break };
+            // Newton's, with what the rotation changes by up to the second order of the turn.
+            let turned = dt_s * angular.cross_matrix() * (Mat3::identity() - (0.5 * dt_s) * spin.cross_matrix());
+            let change = inertia.solve(&turned).map(|changed| Mat3::identity() - 0.5 * changed);
+            let Some(step) = change.and_then(|change| change.lu().solve(&(0.5 * (motion.spin + after) - spin))) else {
+                break;
+            };
+            spin += step;
         }
-        Self { motion, rotation: rotation(spin, 1.0) }
+        Self { motion, rotation: rotation(spin) }
     }
 }

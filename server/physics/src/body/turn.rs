@@ -1,9 +1,9 @@
 //! Free parts turn without being widened, and are strained by how fast they turn.
 //!
 //! The solve moves every node along a straight line, which widens what turns by `sqrt(1 + angle^2)`: the strain would
-//! be energy from nothing. What a free part turns by is therefore a rotation, by the spin at the middle of the step
-//! that its angular momentum says (Simo and Wong 1991), and its velocities turn along. What that takes of forces is
-//! given back to the solve as centrifugal and Coriolis forces.
+//! be energy from nothing. What a free part turns by is therefore a rotation that keeps angular momentum and energy
+//! ([`Turn::of`]), and its velocities turn along. What that takes of forces is given back to the solve as centrifugal and
+//! Coriolis forces.
 
 use super::rigid::take_motion;
 use super::rigid_motion::{MOST_TURN_RAD, Totals, Turn, share_of_turn};
