@@ -22,7 +22,7 @@ impl Assembler {
         let Some(view_response::Message::Fragment(Fragment { data, remaining })) = event.message else {
             return if self.remaining == 0 { Ok(Some(event)) } else { Err(self.fail()) };
         };
-        let follows = self.remaining == 0 || remaining + 1 == self.remaining;
+        let follows = self.remaining.checked_sub(1).is_none_or(|next| remaining == next);
         if !follows || self.data.len() + data.len() > kerf_proto::MAX_MESSAGE_BYTES {
             return Err(self.fail());
         }
@@ -73,6 +73,15 @@ mod tests {
             assert!(parts.into_iter().all(|part| assembler.take(part) == Ok(None)));
             assert_eq!(assembler.take(last), Ok(Some(whole.clone())));
         }
+    }
+
+    #[test]
+    fn a_fragment_that_says_as_many_as_can_be_said_are_to_come_does_not_follow() {
+        let fragment = |remaining| event(view_response::Message::Fragment(Fragment { data: Vec::new(), remaining }));
+        let mut assembler = Assembler::default();
+        assert_eq!(assembler.take(fragment(3)), Ok(None));
+        assert_eq!(assembler.take(fragment(u32::MAX)), Err(ReplicaError::Fragments));
+        assert_eq!(assembler.take(fragment(u32::MAX)), Ok(None), "it begins another message");
     }
 
     #[test]
