@@ -375,6 +375,7 @@ def by_fragments():
         "last-twice": [*whole, whole[-1]],
         "first-twice": [whole[0], *whole],
         "remaining-largest": [fragment(parts[0], MOST), *whole[1:]],
+        "remaining-largest-later": [whole[0], fragment(parts[1], MOST), *whole[2:]],
         "remaining-none-at-once": [fragment(parts[0], 0), *whole[1:]],
         "empty": [fragment(b"", MOST), fragment(b"", MOST - 1), fragment(b"", 0), *whole],
         "broken-off": [*whole[:2], rest[0], *whole[2:]],
