@@ -78,8 +78,13 @@ impl Way {
         [self.along, self.ahead, self.ahead.cross(&self.along)].map(|axis| offset_m.dot(&axis))
     }
 
-    /// Where an end crosses it: how far ahead, m, and how far from the end's middle, over half of its length.
+    /// Where an end crosses it nearby: how far ahead, m, and how far from the end's middle, over half of its length.
     fn crosses(&self, end: &End, voxel_size_m: f64) -> Option<(f64, f64)> {
+        self.meets(end, voxel_size_m).filter(|(ahead_m, _)| ahead_m.abs() <= REACH_VOXELS * voxel_size_m)
+    }
+
+    /// The same however far ahead or behind.
+    fn meets(&self, end: &End, voxel_size_m: f64) -> Option<(f64, f64)> {
         let to = end.position_m - self.position_m;
         let aside_m = to.dot(&self.along);
         let half_m = end.half_m.dot(&self.along);
@@ -88,8 +93,7 @@ impl Way {
         }
         let from_middle = -aside_m / half_m;
         let [_, ahead_m, beside_m] = self.components_m(&(to + end.half_m * from_middle));
-        let is_near = ahead_m.abs() <= REACH_VOXELS * voxel_size_m && beside_m.abs() <= BESIDE_VOXELS * voxel_size_m;
-        is_near.then_some((ahead_m, from_middle.abs()))
+        (beside_m.abs() <= BESIDE_VOXELS * voxel_size_m).then_some((ahead_m, from_middle.abs()))
     }
 
     /// How far ahead an end is that goes the same way beside it, m.
@@ -160,7 +164,18 @@ impl Crack {
                 (*best, *best_beyond) = (Some(ahead_m), past);
             }
         }
+        // An end that a front has left behind beside the way, as at a side of the object, says nothing where the cut of the
+        // way itself has gone on.
+        if found.front_m.is_none() && found.farthest_m.is_some() && self.ends_beyond(way, voxel_size_m) {
+            found.farthest_m = None;
+        }
         found
+    }
+
+    /// Whether a cut that goes the same way ends ahead on it, however far.
+    fn ends_beyond(&self, way: &Way, voxel_size_m: f64) -> bool {
+        let is_beyond = |end: &End| way.meets(end, voxel_size_m).is_some_and(|(ahead_m, _)| ahead_m > 0.0);
+        self.ends.iter().any(|end| end.ahead.dot(&way.ahead) > 0.0 && is_beyond(end))
     }
 
     /// An end where a front stands that has none yet; `half_m` along it to each side.
@@ -316,6 +331,18 @@ material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
         let ahead = crack.on_way(&from_m(0.0255, -1.0), H_M);
         assert!(near(ahead.facing_m, 0.004) && ahead.front_m.is_none(), "{ahead:?}");
         assert_eq!(crack.on_way(&from_m(0.005, 1.0), H_M), OnWay::default(), "too far to tell");
+    }
+
+    #[test]
+    fn an_end_that_was_left_behind_beside_a_cut_says_nothing_of_it() {
+        let (_, mut crack, way) = cut_bar();
+        let beside = from_m(0.0185, 1.0);
+        // A short end near the bar's side, and the cut's own ends far ahead.
+        crack.ends.iter_mut().for_each(|end| end.position_m.x = 0.06);
+        crack.begin(&Way { position_m: Vec3::new(0.0215, 0.021, 0.0115), ..way }, 0.001);
+        assert_eq!(crack.on_way(&beside, H_M), OnWay::default());
+        crack.ends.retain(|end| end.position_m.x < 0.06);
+        assert!(crack.on_way(&beside, H_M).farthest_m.is_some(), "that of a neighbour which cuts first");
     }
 
     #[test]
