@@ -8,6 +8,16 @@ cd "$(dirname "$0")/.."
 
 has() { command -v "$1" >/dev/null; }
 
+# wait_until WHAT COMMAND...: ten seconds for the command to succeed; WHAT is said where it does not.
+wait_until() {
+    what=$1; tries=0
+    shift
+    until "$@"; do
+        tries=$((tries + 1)); [ $tries -lt 20 ] || { echo "images: $what"; exit 1; }
+        sleep 0.5
+    done
+}
+
 if has docker && docker info >/dev/null 2>&1; then
     # A project of its own: nobody's sessions and tokens are touched.
     compose="docker compose --project-name kerf-try --file docker/compose.yaml --profile load"
@@ -17,11 +27,8 @@ if has docker && docker info >/dev/null 2>&1; then
     access="--server https://server:50051 --ca-file clients/certificate.pem --token-file clients/load"
     $compose run --rm load $access --scene liver --step-rates 60 --strokes 1 --depth 0.05 --speed 0.05 --keep-session
     $compose exec -T server sh -c 'kill -9 $(pidof kerf-server)'
-    tries=0
-    until $compose run --rm --entrypoint kerf-server access session $access list | grep running; do
-        tries=$((tries + 1)); [ $tries -lt 20 ] || { echo "images: the session is not back"; exit 1; }
-        sleep 0.5
-    done
+    is_back() { $compose run --rm --entrypoint kerf-server access session $access list | grep running; }
+    wait_until "the session is not back" is_back
     exit
 fi
 for tool in buildah debootstrap cargo npm; do
@@ -69,11 +76,10 @@ container kerf-load kerf-try-load
 of_server() { buildah run kerf-try-server -- "$@"; }
 
 of_server kerf-server serve --listen 127.0.0.1:50061 --security-dir security & server=$!
-tries=0
-until of_server kerf-server session --server 127.0.0.1:50061 --ca-file security/certificate.pem health >/dev/null 2>&1; do
-    tries=$((tries + 1)); [ $tries -lt 20 ] || { echo "images: the server does not answer"; exit 1; }
-    sleep 0.5
-done
+answers() {
+    of_server kerf-server session --server 127.0.0.1:50061 --ca-file security/certificate.pem health >/dev/null 2>&1
+}
+wait_until "the server does not answer" answers
 of_server kerf-server token new --name load --role driver --file security/tokens.toml >"$scratch/token"
 of_server cat security/certificate.pem >"$scratch/certificate.pem"
 buildah copy -q --chown 10001 kerf-try-load "$scratch/token" "$scratch/certificate.pem" /var/lib/kerf/ >/dev/null

@@ -69,5 +69,5 @@ def cluster():
 def pytest_collection_modifyitems(items):
     """Tests that need the cluster go to one worker: it takes 3 s to start."""
     for item in items:
-        if "cluster" in getattr(item, "fixturenames", ()) or "ray.md" in item.name:
+        if "cluster" in item.fixturenames:
             item.add_marker(pytest.mark.xdist_group("cluster"))

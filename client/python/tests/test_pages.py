@@ -32,7 +32,9 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=pytest.mark.xdist_group("cluster")) if page == RAY else page for page in PAGES]
+)
 def test_the_lines_of_a_page_run(page, folder, server, request):
     if page == RAY:
         request.getfixturevalue("cluster")

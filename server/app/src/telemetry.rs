@@ -40,9 +40,10 @@ pub fn init(config: &ServerConfig) -> Result<Telemetry> {
     let filter = filter.add_directive(format!("{TRACES}=off").parse()?);
     let traces = Traces::begin(&config.traces)?;
     let (log, lines) = Log::begin(io::stderr())?;
-    // Colours are for terminals, not for journald, an engine's log or a file.
-    let is_coloured = io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let writer = tracing_subscriber::fmt::layer().with_ansi(is_coloured).with_writer(move || lines.clone());
+    let layer = tracing_subscriber::fmt::layer();
+    // Colours are for terminals, not for journald, an engine's log or a file; `NO_COLOR` the layer asks for itself.
+    let layer = if io::stderr().is_terminal() { layer } else { layer.with_ansi(false) };
+    let writer = layer.with_writer(move || lines.clone());
     let writer = match config.log.format {
         LogFormat::Text => writer.boxed(),
         LogFormat::Json => writer.json().boxed(),
