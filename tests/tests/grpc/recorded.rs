@@ -14,7 +14,9 @@ use kerf_server::recording::reader::{Ending, Recording};
 use kerf_server::recording::verify::{Verified, verify};
 use kerf_server::recording::{FileFootage, Pictures, Told, Writer};
 use kerf_session::stepping::Steps;
-use kerf_session::{Footage as _, Registry, Replay, Seek as SeekTo, Session, SessionLimits, SessionOptions};
+use kerf_session::{
+    Footage as _, Frame, Registry, Replay, Seek as SeekTo, Session, SessionLimits, SessionOptions, Structure,
+};
 use mcap::MessageStream;
 use mcap::read::Summary;
 use mcap::records::op;
@@ -50,16 +52,39 @@ async fn recorded_cut(folder: &Path) -> (PathBuf, v1::SessionDescription) {
     stroke.press(MIDDLE_M, FOOT_M).await;
     harness.sessions.restore_checkpoint(v1::RestoreCheckpointRequest { session_id, name }).await.unwrap();
     stroke.press(MIDDLE_M, 0.0).await;
+    let path = folder.join(harness.describe(&session).await.recording.expect("a recording").file);
+    until_shown(&path, |frames| keyframes(frames) >= 2).await;
     harness.reset(&session).await;
     stroke.press(ABOVE_M, MIDDLE_M).await;
-    // The newest state is on its way to the file.
-    tokio::time::sleep(Duration::from_millis(200)).await;
     harness.pause(&session).await;
     let last = harness.describe(&session).await;
+    // No state is recorded sooner after another than the recording's rate.
+    let is_near = |frame: &Frame| frame.state.step + 50 >= last.step;
+    until_shown(&path, |frames| keyframes(frames) >= 3 && frames.last().is_some_and(is_near)).await;
     drop(stroke);
     let recording = close(&mut harness, &session).await;
     assert!(recording.error.is_empty() && !recording.is_cut_off, "{recording:?}");
-    (folder.join(recording.file), last)
+    (path, last)
+}
+
+/// The frames of a recording, which may still grow.
+fn frames(path: &Path) -> Vec<Frame> {
+    let mut footage = FileFootage::new(Recording::open(path).unwrap());
+    std::iter::from_fn(|| footage.next().unwrap()).collect()
+}
+
+fn keyframes(frames: &[Frame]) -> usize {
+    frames.iter().flat_map(|frame| &frame.structure).filter(|change| matches!(change, Structure::Keyframe(_))).count()
+}
+
+/// Waits until pictures have come to the file: the session waits for none, and on a busy machine they come late.
+async fn until_shown(path: &Path, holds: impl Fn(&[Frame]) -> bool) {
+    soon("pictures in the file", async {
+        while !holds(&frames(path)) {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    })
+    .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -192,14 +217,6 @@ async fn play(path: &Path) -> (Harness, String) {
     (harness, session.id().to_string())
 }
 
-/// Time since a recording began, s, and step of each of its frames, in their order.
-fn frames(path: &Path) -> Vec<(f64, u64)> {
-    let mut footage = FileFootage::new(Recording::open(path).unwrap());
-    std::iter::from_fn(|| footage.next().unwrap())
-        .map(|frame| (frame.time_ns as f64 * 1e-9, frame.state.step))
-        .collect()
-}
-
 async fn seek(harness: &mut Harness, session: &str, time_s: Option<f64>, speed: Option<f64>) -> v1::SeekReplayResponse {
     let request = v1::SeekReplayRequest { session_id: session.into(), time_s, speed };
     harness.sessions.seek_replay(request).await.unwrap().into_inner()
@@ -261,8 +278,8 @@ async fn a_recording_is_paused_stepped_sought_and_not_changed() {
         let sought_s = share * end.length_s;
         let at = seek(&mut harness, &session, Some(sought_s), None).await;
         // However far apart a busy machine recorded them.
-        let newest = frames.iter().rfind(|(time_s, _)| *time_s <= sought_s);
-        assert_eq!(Some(&(at.time_s, at.step)), newest, "sought {sought_s}");
+        let newest = frames.iter().rfind(|frame| frame.time_ns as f64 * 1e-9 <= sought_s).unwrap();
+        assert_eq!((at.time_s, at.step), (newest.time_ns as f64 * 1e-9, newest.state.step), "sought {sought_s}");
         watcher.until(|replica| replica.moment().is_some_and(|moment| moment.step == at.step)).await;
     }
     // At its speed to the end, where it stands.
