@@ -318,10 +318,11 @@ fn real_tissue_gives_at_gc(level: u8) {
         rig.sum(|s| s.energy.damping_j) / tool,
     );
     assert!((0.022..0.028).contains(&first), "gives at a dent of {first} m");
-    // More than 1: the force squeezes what is below the front and goes on by lambda where the front goes on by 1. At most
-    // what a bar of the block's section takes, `F lambda + U A = Gc w` with F = A E eps exp(10 eps^2), lambda =
-    // 1 - eps, U = E (exp(10 eps^2) - 1) / 20: eps = 0.238.
-    assert!((0.98..1.175).contains(&plateau), "F/(Gc w) = {plateau}");
+    // More than 1: the force squeezes what is below the front and goes on by lambda where the front goes on by 1. A bar
+    // takes `F lambda + U A = Gc w` with F = A E eps exp(10 eps^2), lambda = 1 - eps, U = E (exp(10 eps^2) - 1) / 20: as
+    // wide as the block 1.17 Gc w (eps = 0.238), half as wide 1.29 (0.323). A line load is carried by a width of pi z / 2
+    // at a depth z (Flamant), which is 0.6 of the block's half way down the 22 mm that are left in the mean.
+    assert!((0.98..1.29).contains(&plateau), "F/(Gc w) = {plateau}");
     // What the tool spent and the tissue gave back, per area.
     assert!((0.85..1.06).contains(&steady), "work/(Gc A) = {steady} beyond the snap");
     assert!(residual_abs < 1e-3, "energy residual {residual} ({residual_abs})");
