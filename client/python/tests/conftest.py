@@ -51,6 +51,8 @@ def cluster():
     with pytest.MonkeyPatch.context() as patch:
         # What the nodes are to know, they know from here.
         patch.setenv("KERF_SERVER_PROGRAM", str(PROGRAM))
+        # A worker that has not started within a minute, as on a busy machine, is taken for dead and begun again.
+        patch.setenv("RAY_worker_register_timeout_seconds", "300")
         memory = {"object_store_memory": 80 << 20}
         try:
             cluster = utils.Cluster(
