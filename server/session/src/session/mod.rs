@@ -67,9 +67,8 @@ pub struct Session {
     thread: Mutex<Option<JoinHandle<()>>>,
     reel: Mutex<Option<Reel>>,
     journal: Mutex<Option<TapeReader>>,
-    is_replay: bool,
     load: Arc<Load>,
-    /// `None`: it takes no steps.
+    /// `None`: it is a recording that is played, and takes no steps.
     late_steps: Option<LateSteps>,
     /// Of its life, for traces.
     span: Span,
@@ -104,58 +103,35 @@ impl Session {
         counts: Arc<Counts>,
     ) -> Result<Self, SessionError> {
         let Prepared { scene, past, choice, admitted, permits } = prepared;
-        let owner = past.as_ref().map_or(options.owner, |past| past.owner.clone());
-        let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let phase = if options.start_paused { Phase::Paused } else { Phase::Running };
-        let outbox = Arc::new(Outbox::new(&limits, phase));
-        let (mut publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let (mut session, mut publisher) = Self::idle(id, scene.clone().into(), limits.clone(), phase, &admitted);
+        session.owner = past.as_ref().map_or(options.owner, |past| past.owner.clone());
+        session.choice = choice;
         publisher.counts = counts;
         let (late_steps, put) = LateSteps::new();
         publisher.late_steps = Some(put);
+        session.late_steps = Some(late_steps);
         let reel = options.is_recorded.then(|| {
-            let mut pictures = outbox.join_for_the_record(bell.clone());
+            let mut pictures = session.outbox.join_for_the_record(session.bell.clone());
             // The first look asks for a keyframe.
             pictures.try_next();
             Reel { tape: publisher.tape.reader(Wants::Hashes, CAPACITY), pictures }
         });
         let journal = options.is_journaled.then(|| publisher.tape.reader(Wants::Bases, CAPACITY));
-        let load = Arc::clone(&admitted.load);
-        let memory_bytes = admitted.memory.bytes();
+        (session.reel, session.journal) = (Mutex::new(reel), Mutex::new(journal));
+        let inbox = Arc::clone(&session.inbox);
+        let threads = limits.threads_per_session;
         let build = {
-            let (scene, limits, inbox) = (scene.clone(), limits.clone(), Arc::clone(&inbox));
+            let inbox = Arc::clone(&inbox);
             let making = options.making;
             let tell = move |now| {
                 making.send_replace(Some(now));
             };
             move || SessionCore::new(scene, limits, inbox, publisher, admitted, past, tell)
         };
-        let (name, threads) = (format!("kerf-{id}"), limits.threads_per_session);
-        let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permits, build)?;
-        let span = life(id, &scene);
+        let (thread, built) = session_thread::start(format!("kerf-{id}"), threads, inbox, permits, build)?;
         // Its end closes the inbox: whoever gives up while the scene is built leaves no thread that steps for nobody.
-        let mut session = Self {
-            id,
-            owner,
-            scene: scene.into(),
-            choice,
-            objects: Vec::new(),
-            warnings: Vec::new(),
-            limits,
-            inbox,
-            outbox,
-            bell,
-            reports,
-            thread: Mutex::new(thread),
-            reel: Mutex::new(reel),
-            journal: Mutex::new(journal),
-            is_replay: false,
-            load,
-            late_steps: Some(late_steps),
-            span,
-            memory_bytes,
-            last_used_ns: AtomicU64::new(MonotonicClock::now_ns()),
-            moved_to: OnceLock::new(),
-        };
+        session.thread = Mutex::new(thread);
         Told { objects: session.objects, warnings: session.warnings } =
             built.await.map_err(|_| SessionError::Closed)??;
         Ok(session)
@@ -170,42 +146,54 @@ impl Session {
         limits: SessionLimits,
     ) -> Result<Self, SessionError> {
         let Replay { scene, objects, footage, seek } = replay;
-        let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
-        let outbox = Arc::new(Outbox::new(&limits, Phase::Running));
-        let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let (mut session, publisher) = Self::idle(id, Arc::new(scene), limits, Phase::Running, &admitted);
+        session.objects = objects;
         let player = Player::new(footage, publisher, seek)?;
         let thread = {
-            let inbox = Arc::clone(&inbox);
+            let inbox = Arc::clone(&session.inbox);
             std::thread::Builder::new().name(format!("kerf-{id}")).spawn(move || {
                 player.run(&inbox);
                 drop(slot);
             })
         };
         let thread = thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
-        let span = life(id, &scene);
-        Ok(Self {
+        session.thread = Mutex::new(Some(thread));
+        Ok(session)
+    }
+
+    /// One without a thread, and what its thread is to publish by.
+    fn idle(
+        id: SessionId,
+        scene: Arc<Scene>,
+        limits: SessionLimits,
+        phase: Phase,
+        admitted: &Admitted,
+    ) -> (Self, Publisher) {
+        let outbox = Arc::new(Outbox::new(&limits, phase));
+        let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let session = Self {
             id,
             owner: None,
-            scene: Arc::new(scene),
             choice: None,
-            objects,
+            objects: Vec::new(),
             warnings: Vec::new(),
+            inbox: Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone())),
             limits,
-            inbox,
             outbox,
             bell,
             reports,
-            thread: Mutex::new(Some(thread)),
+            thread: Mutex::new(None),
             reel: Mutex::new(None),
             journal: Mutex::new(None),
-            is_replay: true,
-            load: admitted.load,
+            load: Arc::clone(&admitted.load),
             late_steps: None,
-            span,
+            span: life(id, &scene),
             memory_bytes: admitted.memory.bytes(),
             last_used_ns: AtomicU64::new(MonotonicClock::now_ns()),
             moved_to: OnceLock::new(),
-        })
+            scene,
+        };
+        (session, publisher)
     }
 
     /// Its id.
@@ -259,7 +247,7 @@ impl Session {
     /// Whether it is a recording that is played.
     #[must_use]
     pub fn is_replay(&self) -> bool {
-        self.is_replay
+        self.late_steps.is_none()
     }
 
     /// What it was told to put on a tape: given out once, and nothing where it was not.
@@ -341,7 +329,7 @@ impl Session {
 
     /// Whether nobody has had to do with it for as long as the limit says.
     pub(crate) fn is_idle(&self, now_ns: u64) -> bool {
-        if self.viewers() > 0 || self.inbox.drivers() > 0 || self.is_replay {
+        if self.viewers() > 0 || self.inbox.drivers() > 0 || self.is_replay() {
             self.touch();
         }
         now_ns.saturating_sub(self.last_used_ns.load(Ordering::Relaxed)) >= to_ns(self.limits.idle_timeout_s)
@@ -503,7 +491,7 @@ impl Session {
         &self,
         inspect: impl FnOnce(&mut Inspection<'_>) -> T + Send + 'static,
     ) -> Result<T, SessionError> {
-        if self.is_replay {
+        if self.is_replay() {
             return Err(SessionError::IsReplay);
         }
         self.ask(|answer| {
@@ -539,7 +527,7 @@ impl Session {
     /// # Errors
     /// Those of [`Session::drive`].
     pub fn drive_as(self: &Arc<Self>, client_key: &str, tools: &[usize]) -> Result<Driver, SessionError> {
-        if self.is_replay {
+        if self.is_replay() {
             return Err(SessionError::IsReplay);
         }
         if let Phase::Failed { message } = self.phase() {
