@@ -41,15 +41,26 @@ pub type Footprint = (u64, u64);
 pub struct Track {
     /// The states that it had, in order.
     pub footprints: Vec<Footprint>,
+    /// When each was reached, ns.
+    reached_ns: Vec<u64>,
     /// Checkpoints: how long the track was, their name and their state.
     saved: Vec<(usize, Arc<str>, Footprint)>,
 }
 
 impl Track {
-    fn follow(&mut self, entry: &TapeEntry) {
-        let rest = self.footprints.first().copied();
+    /// Another state, reached at `now_ns`.
+    pub fn tread(&mut self, footprint: Footprint, now_ns: u64) {
+        self.footprints.push(footprint);
+        self.reached_ns.push(now_ns);
+    }
+
+    /// Takes in what was found on the tape at `now_ns`.
+    fn follow(&mut self, entry: &TapeEntry, now_ns: u64) {
         match entry {
-            TapeEntry::Step(step) => self.footprints.extend(step.state_hash.map(|hash| (step.report.step, hash))),
+            TapeEntry::Step(step) => {
+                let hash = step.state_hash.expect("a recorded step has one");
+                self.tread((step.report.step, hash), step.report.ended_ns);
+            }
             TapeEntry::Event(happened) => match &happened.event {
                 SceneEvent::CheckpointSaved(name) => {
                     let now = *self.footprints.last().expect("the scene at rest");
@@ -57,20 +68,23 @@ impl Track {
                 }
                 SceneEvent::CheckpointRestored(name) => {
                     let saved = self.saved.iter().rev().find(|(_, other, _)| other == name);
-                    self.footprints.push(saved.expect("it was saved").2);
+                    self.tread(saved.expect("it was saved").2, now_ns);
                 }
-                SceneEvent::Reset => self.footprints.extend(rest),
+                SceneEvent::Reset => self.tread(self.footprints[0], now_ns),
                 _ => {}
             },
             TapeEntry::Checkpoint(..) | TapeEntry::Base(_) => {}
         }
     }
 
-    /// Goes back to where a kill has left the session; how much the kill has taken.
-    pub fn go_back(&mut self, to: &Footprint) -> Option<usize> {
+    /// Goes back to where a kill at `killed_ns` has left the session; how many states the kill has taken, and how long
+    /// before it the first of them was reached, ns.
+    pub fn go_back(&mut self, to: &Footprint, killed_ns: u64) -> Option<(usize, u64)> {
         let back = self.footprints.iter().rposition(|footprint| footprint == to)? + 1;
-        let taken = self.footprints.len() - back;
+        let first_ns = self.reached_ns.get(back).copied().unwrap_or(killed_ns);
+        let taken = (self.footprints.len() - back, killed_ns.saturating_sub(first_ns));
         self.footprints.truncate(back);
+        self.reached_ns.truncate(back);
         self.saved.retain(|(length, ..)| *length <= back);
         Some(taken)
     }
@@ -112,7 +126,7 @@ impl Server {
         let status = session.describe().await?;
         let began = (status.step, status.state_hash);
         if confirmed.is_none() {
-            track.lock().unwrap_or_else(PoisonError::into_inner).footprints.push(began);
+            track.lock().unwrap_or_else(PoisonError::into_inner).tread(began, MonotonicClock::now_ns());
         }
         let journal = Arc::new(Mutex::new(Journal::begin(folder, &session, disk, confirmed.unwrap_or_default())));
         let tasks = vec![
@@ -167,9 +181,10 @@ async fn follow(session: Arc<Session>, track: Arc<Mutex<Track>>, journal: Arc<Mu
 fn look(reel: &Reel, track: &Mutex<Track>, journal: &Mutex<Journal>, jobs: usize) {
     let (entries, _) = reel.tape.take();
     let mut track = track.lock().unwrap_or_else(PoisonError::into_inner);
-    entries.iter().for_each(|entry| track.follow(entry));
+    let now_ns = MonotonicClock::now_ns();
+    entries.iter().for_each(|entry| track.follow(entry, now_ns));
     let mut journal = journal.lock().unwrap_or_else(PoisonError::into_inner);
-    journal.now_ns = MonotonicClock::now_ns();
+    journal.now_ns = now_ns;
     journal.look(track.footprints.len());
     journal.sync(jobs);
 }
