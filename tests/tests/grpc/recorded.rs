@@ -233,9 +233,10 @@ async fn a_recording_is_played_with_the_surfaces_that_were_live() {
     live.pause(&session).await;
     let version = live.describe(&session).await.topology_version;
     watcher.until(|replica| replica.topology_version() == Some(version) && replica.moment().is_some()).await;
-    tokio::time::sleep(Duration::from_millis(200)).await;
+    let path = folder.path().join(live.describe(&session).await.recording.expect("a recording").file);
+    until_shown(&path, |frames| frames.last().is_some_and(|frame| frame.state.topology_version == version)).await;
     drop(stroke);
-    let path = folder.path().join(close(&mut live, &session).await.file);
+    close(&mut live, &session).await;
 
     let (mut harness, session) = play(&path).await;
     let mut replayed = Watcher::join(&harness, harness.channel.clone(), &session).await;

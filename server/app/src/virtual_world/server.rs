@@ -39,38 +39,30 @@ pub type Footprint = (u64, u64);
 /// What has happened to a session, over all its servers.
 #[derive(Default)]
 pub struct Track {
-    /// The states that it had, in order.
-    pub footprints: Vec<Footprint>,
-    /// When each was reached, ns.
-    reached_ns: Vec<u64>,
+    /// The states that it had, in order, and when each was reached, ns.
+    pub footprints: Vec<(Footprint, u64)>,
     /// Checkpoints: how long the track was, their name and their state.
     saved: Vec<(usize, Arc<str>, Footprint)>,
 }
 
 impl Track {
-    /// Another state, reached at `now_ns`.
-    pub fn tread(&mut self, footprint: Footprint, now_ns: u64) {
-        self.footprints.push(footprint);
-        self.reached_ns.push(now_ns);
-    }
-
     /// Takes in what was found on the tape at `now_ns`.
     fn follow(&mut self, entry: &TapeEntry, now_ns: u64) {
         match entry {
             TapeEntry::Step(step) => {
                 let hash = step.state_hash.expect("a recorded step has one");
-                self.tread((step.report.step, hash), step.report.ended_ns);
+                self.footprints.push(((step.report.step, hash), step.report.ended_ns));
             }
             TapeEntry::Event(happened) => match &happened.event {
                 SceneEvent::CheckpointSaved(name) => {
-                    let now = *self.footprints.last().expect("the scene at rest");
+                    let (now, _) = *self.footprints.last().expect("the scene at rest");
                     self.saved.push((self.footprints.len(), Arc::clone(name), now));
                 }
                 SceneEvent::CheckpointRestored(name) => {
                     let saved = self.saved.iter().rev().find(|(_, other, _)| other == name);
-                    self.tread(saved.expect("it was saved").2, now_ns);
+                    self.footprints.push((saved.expect("it was saved").2, now_ns));
                 }
-                SceneEvent::Reset => self.tread(self.footprints[0], now_ns),
+                SceneEvent::Reset => self.footprints.push((self.footprints[0].0, now_ns)),
                 _ => {}
             },
             TapeEntry::Checkpoint(..) | TapeEntry::Base(_) => {}
@@ -80,11 +72,10 @@ impl Track {
     /// Goes back to where a kill at `killed_ns` has left the session; how many states the kill has taken, and how long
     /// before it the first of them was reached, ns.
     pub fn go_back(&mut self, to: &Footprint, killed_ns: u64) -> Option<(usize, u64)> {
-        let back = self.footprints.iter().rposition(|footprint| footprint == to)? + 1;
-        let first_ns = self.reached_ns.get(back).copied().unwrap_or(killed_ns);
+        let back = self.footprints.iter().rposition(|(footprint, _)| footprint == to)? + 1;
+        let first_ns = self.footprints.get(back).map_or(killed_ns, |(_, reached_ns)| *reached_ns);
         let taken = (self.footprints.len() - back, killed_ns.saturating_sub(first_ns));
         self.footprints.truncate(back);
-        self.reached_ns.truncate(back);
         self.saved.retain(|(length, ..)| *length <= back);
         Some(taken)
     }
@@ -126,7 +117,7 @@ impl Server {
         let status = session.describe().await?;
         let began = (status.step, status.state_hash);
         if confirmed.is_none() {
-            track.lock().unwrap_or_else(PoisonError::into_inner).tread(began, MonotonicClock::now_ns());
+            track.lock().unwrap_or_else(PoisonError::into_inner).footprints.push((began, MonotonicClock::now_ns()));
         }
         let journal = Arc::new(Mutex::new(Journal::begin(folder, &session, disk, confirmed.unwrap_or_default())));
         let tasks = vec![

@@ -119,8 +119,7 @@ impl Session {
         });
         let journal = options.is_journaled.then(|| publisher.tape.reader(Wants::Bases, CAPACITY));
         (session.reel, session.journal) = (Mutex::new(reel), Mutex::new(journal));
-        let inbox = Arc::clone(&session.inbox);
-        let threads = limits.threads_per_session;
+        let (inbox, threads) = (Arc::clone(&session.inbox), limits.threads_per_session);
         let build = {
             let inbox = Arc::clone(&inbox);
             let making = options.making;
