@@ -144,10 +144,12 @@ impl View {
         }
     }
 
-    /// The next event, put together and not acknowledged; `None` at the end.
+    /// The next event, put together and not acknowledged; `None` at the end. What the session tells of a machine that
+    /// is busy is left out: it may come at any time.
     pub async fn event(&mut self) -> Result<Option<v1::ViewResponse>, Status> {
         while let Some(event) = self.stream.message().await? {
-            if let Some(whole) = self.assembler.take(event).expect("fragments that fit") {
+            let whole = self.assembler.take(event).expect("fragments that fit");
+            if let Some(whole) = whole.filter(|whole| !tells_of_load(whole)) {
                 return Ok(Some(whole));
             }
         }
@@ -170,6 +172,16 @@ impl View {
             });
         }
         Ok(event.message)
+    }
+}
+
+fn tells_of_load(event: &v1::ViewResponse) -> bool {
+    use v1::EventKind::{Overloaded, Reanchored, ToleranceChanged};
+    match &event.message {
+        Some(view_response::Message::Event(event)) => {
+            matches!(event.kind(), Overloaded | Reanchored | ToleranceChanged)
+        }
+        _ => false,
     }
 }
 
