@@ -230,6 +230,30 @@ mod tests {
     }
 
     #[test]
+    fn a_spring_of_tissue_without_nodes_or_at_a_body_that_is_not_there_is_refused() {
+        let mut busy = Busy::new(0);
+        busy.run(140);
+        let own = busy.world.snapshot();
+        let mut bytes = Vec::new();
+        walk::encode(&own.state, &mut bytes);
+        let of_springs = |what: &str| -> Vec<_> {
+            let is_of =
+                |field: &String| field.starts_with("tissue") && field.contains("springs.[]") && field.ends_with(what);
+            places(&own.state).into_iter().filter(|(field, _)| is_of(field)).map(|(_, at)| at).collect()
+        };
+        let (bodies, counts) = (of_springs(".body"), of_springs(".count"));
+        assert!(!bodies.is_empty() && bodies.len() == counts.len(), "{} bodies, {} counts", bodies.len(), counts.len());
+        for (emptied, misplaced) in [(true, false), (false, true), (true, true)] {
+            let mut changed = bytes.clone();
+            counts.iter().filter(|_| emptied).for_each(|at| changed[at.clone()].fill(0));
+            bodies.iter().filter(|_| misplaced).for_each(|at| changed[at.clone()].fill(0x3f));
+            let mut state: State = walk::decode(&mut &changed[..]).expect("numbers in the place of numbers");
+            let refused = state.complete(&own.state, &Workers::serial());
+            assert!(refused.is_err(), "without nodes: {emptied}, at another body: {misplaced}");
+        }
+    }
+
+    #[test]
     fn every_number_of_the_state_that_is_another_makes_another_hash() {
         let mut busy = Busy::new(0);
         busy.run(140);

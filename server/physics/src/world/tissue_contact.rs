@@ -149,8 +149,9 @@ impl TissueContacts {
                 && carried.keys.iter().copied().eq(patches.iter().map(SurfacePatch::key))
         };
         let is_in = |end: &TissueEnd| {
-            let nodes = slots.get(end.body as usize).map_or(0, |slot| slot.body.node_count());
-            end.weights.fits(nodes)
+            let fits =
+                |slot: &BodySlot| end.weights.fits(slot.body.node_count()) && end.weights.iter().next().is_some();
+            slots.get(end.body as usize).is_some_and(fits)
         };
         let patches = |spring: &TissueContact| self.carried[spring.ends.ends[0].body as usize].keys.len();
         self.carried.len() == slots.len()
