@@ -5,6 +5,7 @@ use super::loads::Hold;
 use crate::Vec3;
 use crate::fem::held::{Corner, HeldVoxel, VoxelCorners, hold};
 use crate::fem::matrices::ElementMatrices;
+use crate::grid::levels::Level;
 use crate::grid::{Grid, Ijk, VoxelId};
 use crate::grow::grow;
 use crate::math::Aabb;
@@ -39,12 +40,18 @@ impl HeldElements {
         &self.boxes
     }
 
-    /// Whether they are of so many elements.
-    pub(super) fn fits(&self, elements: usize) -> bool {
+    /// Whether they are of the elements of a level.
+    pub(super) fn fits(&self, level: &Level) -> bool {
+        let elements = level.elements.len();
         let lengths = [self.corners.len(), self.nodes.len()] == [elements; 2];
         let chunks = self.boxes.len() == elements.div_ceil(CHUNK_ELEMENTS);
         let told = self.corners.iter().zip(0..).filter_map(|(corners, element)| corners.as_ref().map(|_| element));
-        lengths && chunks && told.eq(self.elements.iter().copied())
+        let mut all =
+            self.corners.iter().enumerate().filter_map(|(element, corners)| Some((element, corners.as_ref()?)));
+        lengths
+            && chunks
+            && told.eq(self.elements.iter().copied())
+            && all.all(|(element, corners)| corners.fits(level.exponent_of(element)))
     }
 
     pub(super) fn resize(&mut self, elements: usize) {

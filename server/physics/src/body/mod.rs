@@ -214,7 +214,7 @@ impl Body {
     /// Level of a composite element: log2 of its edge in voxels.
     #[must_use]
     pub fn element_level(&self, element: usize) -> u8 {
-        self.base().exponent + self.base().elements[element].size.ilog2() as u8
+        self.base().exponent_of(element)
     }
 
     /// Edge of the smallest composite elements, m.

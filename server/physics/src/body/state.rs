@@ -91,7 +91,7 @@ impl State {
         let fits = [self.position_m.len(), self.velocity_m_per_s.len()] == [nodes; 2]
             && self.elements.len() == elements.div_ceil(LANES)
             && self.chunks.len() == elements.div_ceil(CHUNK_ELEMENTS)
-            && self.held.fits(elements)
+            && self.held.fits(&self.levels[0])
             && self.rigid.fits(elements, nodes);
         if fits { Ok(()) } else { Err(WalkError::new("a body's state is not of its elements".into())) }
     }

@@ -71,6 +71,12 @@ impl VoxelCorners {
         Self { exponent: 0, corners: (0..8).map(corner).collect(), still: held, lone: 0 }
     }
 
+    /// Whether they are of an element whose edge has so many voxels, as log2.
+    #[must_use]
+    pub fn fits(&self, exponent: u8) -> bool {
+        self.exponent == exponent && self.corners.len() == ((1usize << exponent) + 1).pow(3)
+    }
+
     /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -315,6 +315,12 @@ impl Level {
         Some(HangingNode { node, masters })
     }
 
+    /// log2 of an element's edge in voxels.
+    #[must_use]
+    pub(crate) fn exponent_of(&self, element: usize) -> u8 {
+        self.exponent + self.elements[element].size.ilog2() as u8
+    }
+
     /// Whether some node hangs.
     #[must_use]
     pub(crate) fn is_graded(&self) -> bool {

@@ -208,6 +208,8 @@ mod tests {
     use crate::tests::support::busy::Busy;
     use crate::walk::places::places;
     use std::collections::BTreeMap;
+    use std::ops::Range;
+    use std::panic::catch_unwind;
 
     /// As of a file that somebody has changed on purpose: without the checksum the hash of the state stands in the way.
     #[test]
@@ -251,6 +253,41 @@ mod tests {
             let refused = state.complete(&own.state, &Workers::serial());
             assert!(refused.is_err(), "without nodes: {emptied}, at another body: {misplaced}");
         }
+    }
+
+    /// Also where the checksum and the hash are made to fit.
+    #[test]
+    #[ignore = "slow: thousands of states, a minute"]
+    fn a_state_is_completed_or_refused_whatever_stands_in_a_field() {
+        let mut busy = Busy::new(0);
+        busy.run(140);
+        let own = busy.world.snapshot();
+        let mut bytes = Vec::new();
+        walk::encode(&own.state, &mut bytes);
+        let mut by_field: BTreeMap<String, Vec<Range<usize>>> = BTreeMap::new();
+        for (field, at) in places(&own.state) {
+            by_field.entry(field).or_default().push(at);
+        }
+        let mut refused = 0;
+        for (field, at) in &by_field {
+            let [first, last] = [&at[..1], &at[at.len() - 1..]];
+            for (places, value) in
+                [first, last, at].into_iter().flat_map(|places| [0, 1, 0x3f, 0xff].map(|v| (places, v)))
+            {
+                let mut changed = bytes.clone();
+                places.iter().for_each(|at| changed[at.clone()].fill(value));
+                let complete = || {
+                    let mut state = walk::decode::<State>(&mut &changed[..])?;
+                    state.complete(&own.state, &Workers::serial())?;
+                    Ok::<_, LoadError>(walk::hash(&state))
+                };
+                match catch_unwind(complete) {
+                    Ok(completed) => refused += u32::from(completed.is_err()),
+                    Err(_) => panic!("{value:#x} in {} of `{field}`", places.len()),
+                }
+            }
+        }
+        assert!(refused > 1500, "{refused} are refused");
     }
 
     #[test]
