@@ -2,7 +2,8 @@
 
 use super::support::cutting::*;
 use super::support::{Lcg, body, object, params};
-use kerf_physics::grid::levels::{Level, VoxelUnits};
+use kerf_physics::grid::levels::Level;
+use kerf_physics::grid::units::VoxelUnits;
 use kerf_physics::scene::{Face, FinerDesc, LoadDesc, ObjectDesc, ShapeDesc};
 use kerf_physics::{Body, Crossing, LinkId, Mat3, Quat, Vec3, Workers};
 

@@ -3,7 +3,8 @@
 use super::Body;
 use crate::boundary::Solid;
 use crate::fem::block::LANES;
-use crate::grid::levels::{Level, LevelChange, VoxelUnits};
+use crate::grid::levels::{Level, LevelChange};
+use crate::grid::units::VoxelUnits;
 use crate::grid::{Crossing, Grid, Ijk, LEAST_PIECE_VOXELS, LinkId, VoxelId};
 use crate::grow::grow;
 use crate::solve::assembly::CHUNK_ELEMENTS;

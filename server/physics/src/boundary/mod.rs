@@ -112,7 +112,7 @@ mod tests {
     use crate::grid::Grid;
     use crate::grid::cell_sizes::CellSizes;
     use crate::grid::levels::Level;
-    use crate::grid::levels::VoxelUnits;
+    use crate::grid::units::VoxelUnits;
     use crate::grid::{Crossing, Ijk, Voxel};
 
     const EXPONENT: u8 = 2;

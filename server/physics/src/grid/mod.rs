@@ -15,6 +15,7 @@ mod parted;
 mod ranked;
 mod small_pieces;
 pub mod thickness;
+pub(crate) mod units;
 pub mod voxelize;
 
 use crate::Vec3;

@@ -470,7 +470,8 @@ mod tests {
     use crate::fem::lanes::pack;
     use crate::fem::material::Elastic;
     use crate::grid::cell_sizes::CellSizes;
-    use crate::grid::levels::{Level, VoxelUnits};
+    use crate::grid::levels::Level;
+    use crate::grid::units::VoxelUnits;
     use crate::grid::voxelize::voxelize;
     use crate::grid::{Crossing, LinkId};
     use crate::scene::SceneDesc;

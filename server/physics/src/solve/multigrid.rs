@@ -290,7 +290,7 @@ mod tests {
     use crate::fem::composite::{CompositeTables, Field, FilledVoxel};
     use crate::fem::material::Elastic;
     use crate::grid::cell_sizes::CellSizes;
-    use crate::grid::levels::VoxelUnits;
+    use crate::grid::units::VoxelUnits;
     use crate::grid::voxelize::voxelize;
     use crate::grid::{Crossing, Grid, LinkId};
     use crate::scene::SceneDesc;
