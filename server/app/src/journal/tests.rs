@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, Cursor};
 use std::os::unix::fs::FileExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -55,7 +55,9 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
         session.step(Steps { count: 1, inputs: vec![at(step)] }).await.unwrap();
         // Chunks of several steps, and a state to go on from, without a checkpoint that there was.
         if step % 10 == 9 {
-            tokio::time::sleep(Duration::from_millis(80)).await;
+            while step_in(folder) <= step as u64 {
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
         }
         if step == steps / 2 {
             session.save_checkpoint("kept").await.unwrap();
@@ -66,10 +68,22 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
     journals.stop();
     registry.close_all().await;
     journals.finish_all().await;
-    let files = super::Files::in_folder(folder).unwrap();
-    let [files] = files.into_values().collect::<Vec<_>>().try_into().unwrap();
-    let [file] = <[_; 1]>::try_from(files).unwrap();
+    let [file] = <[_; 1]>::try_from(files_in(folder)).unwrap();
     std::fs::read(file).unwrap()
+}
+
+/// The files of the only journal in a folder, once it has begun.
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    Files::in_folder(folder).unwrap().into_values().next().unwrap_or_default()
+}
+
+/// The step that they lead to now.
+fn step_in(folder: &Path) -> u64 {
+    let step = |entry: &PastEntry| match entry {
+        PastEntry::Step { step, .. } => Some(*step),
+        _ => None,
+    };
+    past::read(&files_in(folder)).ok().and_then(|(_, past)| past.entries.iter().rev().find_map(step)).unwrap_or(0)
 }
 
 #[tokio::test(flavor = "multi_thread")]
