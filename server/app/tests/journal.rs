@@ -7,8 +7,10 @@ use std::time::{Duration, Instant};
 use kerf_physics::Workers;
 use kerf_proto::v1;
 use kerf_proto::v1::view_response::Message;
+use kerf_server::journal::past;
 use kerf_server::recording::reader::{Ending, Recording};
 use kerf_server::recording::verify::verify;
+use kerf_session::PastEntry;
 
 use super::process::{Process, at, soon};
 
@@ -35,6 +37,18 @@ fn files(folder: &Path) -> Vec<std::path::PathBuf> {
     found.filter(|path| path.extension().is_some_and(|extension| extension == "mcap")).collect()
 }
 
+/// Waits until the journal in a folder leads to a step.
+async fn until_written(folder: &Path, until: u64) {
+    let leads = |entry: &PastEntry| matches!(entry, PastEntry::Step { step, .. } if *step == until);
+    let is_written = || past::read(&files(folder)).is_ok_and(|(_, past)| past.entries.iter().any(leads));
+    soon("the step in the journal", async {
+        while !is_written() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    })
+    .await;
+}
+
 fn kill(process: &mut Process) {
     process.server.kill().unwrap();
     process.server.wait().unwrap();
@@ -54,10 +68,10 @@ async fn a_killed_servers_session_is_back_under_its_id_with_its_state_and_goes_o
     let mut process = serve(&killed).await;
     let session = process.stand().await;
     let before = process.step(&session, first).await;
-    // Until the last chunk is written.
-    tokio::time::sleep(Duration::from_millis(500)).await;
+    until_written(&killed, first.len() as u64).await;
     for _ in 0..3 {
         kill(&mut process);
+        let left = files(&killed);
         let began = Instant::now();
         process = serve(&killed).await;
         let back = process.until(&session, |_| true).await;
@@ -65,9 +79,12 @@ async fn a_killed_servers_session_is_back_under_its_id_with_its_state_and_goes_o
         assert_eq!(sessions(&mut process).await, std::slice::from_ref(&session));
         assert_eq!((back.step, back.state_hash), (first.len() as u64, before.state_hash));
         assert_eq!(back.state, i32::from(v1::SessionState::Paused));
-        // It writes a file of its own by then.
-        tokio::time::sleep(Duration::from_millis(300)).await;
-        assert_eq!(files(&killed).len(), 1);
+        soon("a file of its own in the place of the one that was left", async {
+            while files(&killed).len() != 1 || files(&killed) == left {
+                tokio::time::sleep(Duration::from_millis(20)).await;
+            }
+        })
+        .await;
     }
     let after = process.step(&session, rest).await;
     assert_eq!((after.state_hash, after.topology_version), (expected.state_hash, expected.topology_version));

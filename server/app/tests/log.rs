@@ -60,7 +60,17 @@ async fn refused_connections_are_told_once_with_the_limit_that_was_in_the_way() 
         }
     })
     .await;
-    let said = std::fs::read_to_string(log.path()).unwrap();
+    // It is written by a thread of its own.
+    let said = soon("the line in the log", async {
+        loop {
+            let said = std::fs::read_to_string(log.path()).unwrap();
+            if said.contains("a connection was refused") && said.ends_with('\n') {
+                break said;
+            }
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    })
+    .await;
     let lines: Vec<&str> = said.lines().filter(|line| line.contains("a connection was refused")).collect();
     assert!(matches!(lines[..], [line] if line.contains("transport.max_connections_per_peer")), "{said}");
     assert!(!said.contains('\u{1b}'), "colours are for terminals: {said:?}");
