@@ -153,7 +153,10 @@ fn a_session_that_is_gone_ends_in_words_that_say_what_to_do() {
     until(&mut station, "contact", feels);
     server.set(Does::SessionGone);
     until(&mut station, "the end", feels_nothing);
-    std::thread::sleep(Duration::from_millis(100));
+    let end = Instant::now() + PATIENCE;
+    while station.link().state != LinkState::Failed && Instant::now() < end {
+        std::thread::sleep(Duration::from_millis(10));
+    }
     let link = station.link();
     assert_eq!(link.state, LinkState::Failed);
     assert!(link.last_fault.as_ref().unwrap().contains("start the station with another session"), "{link:?}");

@@ -17,13 +17,20 @@ fn force_n(contact: &v1::Contact) -> f32 {
     (force.x * force.x + force.y * force.y + force.z * force.z).sqrt()
 }
 
-/// Goes down into the block in steps that a hand takes.
+/// Goes down into the block in steps that a hand takes; again from above where a busy machine stood still meanwhile, as what
+/// moved on without it waits until it is clear.
 async fn press(station: &mut Station, first_seq: u64) {
-    for i in 0..=10 {
-        station.send(at_height(first_seq + i, 0.015 - 1e-3 * i as f32)).await;
-        station.contact_where(|contact| contact.echo_seq == first_seq + i).await;
+    for first_seq in (first_seq..).step_by(11).take(6) {
+        for i in 0..=10 {
+            station.send(at_height(first_seq + i, 0.015 - 1e-3 * i as f32)).await;
+            station.contact_where(|contact| contact.echo_seq == first_seq + i).await;
+        }
+        let told = station.contact_where(|contact| contact.flags & WAITS != 0 || force_n(contact) > 0.05).await;
+        if told.flags & WAITS == 0 {
+            return;
+        }
     }
-    station.contact_where(|contact| contact.flags & WAITS == 0 && force_n(contact) > 0.05).await;
+    panic!("it waits each time that it comes");
 }
 
 /// What a hand that stays deep is told: nothing is felt.

@@ -237,7 +237,8 @@ async fn a_viewer_that_falls_off_the_structure_log_goes_on_from_a_keyframe() {
     harness.until(&session, |described| described.step > joined + 500).await;
     let mut stroke = Stroke::begin(&harness, &session).await;
     stroke.press(ABOVE_M, MIDDLE_M).await;
-    // It reads on, and follows the rest.
+    // A busy machine's steps come after the hand. Then it reads on, and follows the rest.
+    harness.until(&session, |described| described.topology_version > KEPT as u64).await;
     let half_way = harness.describe(&session).await.topology_version;
     stalled.until(|replica| replica.topology_version() >= Some(half_way)).await;
     stalled.during(stroke.press(MIDDLE_M, FOOT_M)).await;
