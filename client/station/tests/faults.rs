@@ -9,7 +9,7 @@ use kerf_load::clock;
 use kerf_station::config::{DeviceConfig, DeviceKind, HandConfig, SimulatedConfig, StationConfig};
 use kerf_station::device::simulated::Simulated;
 use kerf_station::device::{Device, DeviceError, DeviceInfo, DeviceState, Servo};
-use kerf_station::link::{LinkState, SharedSession};
+use kerf_station::link::{LinkState, LinkStatus, SharedSession};
 use kerf_station::servo::core::State;
 use kerf_station::servo::fault::Fault;
 use kerf_station::servo::runner::Sample;
@@ -57,6 +57,15 @@ fn start(config: &StationConfig, open: Opener) -> Station {
 
 fn station(server: &Server) -> Station {
     start(&config(server), Box::new(|| Ok(Box::new(simulated()))))
+}
+
+/// The link once it has failed for good, or when patience ends.
+fn failed(station: &Station) -> LinkStatus {
+    let end = Instant::now() + PATIENCE;
+    while station.link().state != LinkState::Failed && Instant::now() < end {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    station.link()
 }
 
 /// Reads samples until one is as wanted; every change of the force on the way was within the slew limit.
@@ -153,11 +162,7 @@ fn a_session_that_is_gone_ends_in_words_that_say_what_to_do() {
     until(&mut station, "contact", feels);
     server.set(Does::SessionGone);
     until(&mut station, "the end", feels_nothing);
-    let end = Instant::now() + PATIENCE;
-    while station.link().state != LinkState::Failed && Instant::now() < end {
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    let link = station.link();
+    let link = failed(&station);
     assert_eq!(link.state, LinkState::Failed);
     assert!(link.last_fault.as_ref().unwrap().contains("start the station with another session"), "{link:?}");
 }
@@ -173,11 +178,7 @@ fn a_token_is_sent_and_a_wrong_one_is_told_of() {
     let mut knows = start(&with_token, Box::new(|| Ok(Box::new(simulated()))));
     until(&mut knows, "contact", feels);
     let guesses = station(&server);
-    let end = Instant::now() + PATIENCE;
-    while guesses.link().state != LinkState::Failed && Instant::now() < end {
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    assert!(guesses.link().last_fault.unwrap().contains("server.token_file"));
+    assert!(failed(&guesses).last_fault.unwrap().contains("server.token_file"));
 }
 
 #[test]

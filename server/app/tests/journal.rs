@@ -10,7 +10,6 @@ use kerf_proto::v1::view_response::Message;
 use kerf_server::journal::past;
 use kerf_server::recording::reader::{Ending, Recording};
 use kerf_server::recording::verify::verify;
-use kerf_session::PastEntry;
 
 use super::process::{Process, at, soon};
 
@@ -39,8 +38,7 @@ fn files(folder: &Path) -> Vec<std::path::PathBuf> {
 
 /// Waits until the journal in a folder leads to a step.
 async fn until_written(folder: &Path, until: u64) {
-    let leads = |entry: &PastEntry| matches!(entry, PastEntry::Step { step, .. } if *step == until);
-    let is_written = || past::read(&files(folder)).is_ok_and(|(_, past)| past.entries.iter().any(leads));
+    let is_written = || past::read(&files(folder)).is_ok_and(|(_, past)| past.last_step() == Some(until));
     soon("the step in the journal", async {
         while !is_written() {
             tokio::time::sleep(Duration::from_millis(20)).await;

@@ -42,6 +42,9 @@ fn coarse_block() -> SoundScene {
     Scene { desc, meshes: Default::default() }.judge().unwrap()
 }
 
+/// Longer than anything here takes on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
 /// The journal of a session that takes so many steps, and goes on from a state in between.
 async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
     let config = ServerConfig { journal_dir: Some(folder.into()), ..ServerConfig::default() };
@@ -55,9 +58,7 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
         session.step(Steps { count: 1, inputs: vec![at(step)] }).await.unwrap();
         // Chunks of several steps, and a state to go on from, without a checkpoint that there was.
         if step % 10 == 9 {
-            while step_in(folder) <= step as u64 {
-                tokio::time::sleep(Duration::from_millis(10)).await;
-            }
+            until("the step in the file", async || step_in(folder) > step as u64).await;
         }
         if step == steps / 2 {
             session.save_checkpoint("kept").await.unwrap();
@@ -72,6 +73,16 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
     std::fs::read(file).unwrap()
 }
 
+/// Waits for something, but not for ever.
+async fn until(what: &str, holds: impl AsyncFn() -> bool) {
+    let wait = async {
+        while !holds().await {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    tokio::time::timeout(PATIENCE, wait).await.unwrap_or_else(|_| panic!("{what}: not within {PATIENCE:?}"));
+}
+
 /// The files of the only journal in a folder, once it has begun.
 fn files_in(folder: &Path) -> Vec<PathBuf> {
     Files::in_folder(folder).unwrap().into_values().next().unwrap_or_default()
@@ -79,11 +90,7 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
 
 /// The step that they lead to now.
 fn step_in(folder: &Path) -> u64 {
-    let step = |entry: &PastEntry| match entry {
-        PastEntry::Step { step, .. } => Some(*step),
-        _ => None,
-    };
-    past::read(&files_in(folder)).ok().and_then(|(_, past)| past.entries.iter().rev().find_map(step)).unwrap_or(0)
+    past::read(&files_in(folder)).ok().and_then(|(_, past)| past.last_step()).unwrap_or(0)
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -98,19 +105,11 @@ async fn a_disk_that_fails_to_sync_ends_the_journal_without_a_retry_and_the_sess
     let session = registry.create(scene, options).await.unwrap();
     assert_eq!(journals.begin(&session), None);
     let error = || journals.so_far(session.id()).unwrap().error;
-    for _ in 0..1000 {
-        if !error().is_empty() {
-            break;
-        }
-        tokio::time::sleep(Duration::from_millis(10)).await;
-    }
+    until("the error", async || !error().is_empty()).await;
     assert!(error().contains("may not be on the disk") && error().contains("Input/output error"), "{}", error());
     assert_eq!(journals.health().broken_off.get(), 1);
     let (step, bytes) = (session.describe().await.unwrap().step, written(folder.path()));
-    // It steps on.
-    while session.describe().await.unwrap().step <= step + 150 {
-        tokio::time::sleep(Duration::from_millis(10)).await;
-    }
+    until("steps after it", async || session.describe().await.unwrap().step > step + 150).await;
     assert_eq!(written(folder.path()), bytes, "nothing is written to a disk that has lost something");
     registry.close_all().await;
     journals.finish_all().await;

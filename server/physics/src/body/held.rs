@@ -46,12 +46,11 @@ impl HeldElements {
         let lengths = [self.corners.len(), self.nodes.len()] == [elements; 2];
         let chunks = self.boxes.len() == elements.div_ceil(CHUNK_ELEMENTS);
         let told = self.corners.iter().zip(0..).filter_map(|(corners, element)| corners.as_ref().map(|_| element));
-        let mut all =
-            self.corners.iter().enumerate().filter_map(|(element, corners)| Some((element, corners.as_ref()?)));
+        let is_of = |element: usize| self.corners(element).is_some_and(|c| c.fits(level.exponent_of(element)));
         lengths
             && chunks
             && told.eq(self.elements.iter().copied())
-            && all.all(|(element, corners)| corners.fits(level.exponent_of(element)))
+            && self.elements.iter().all(|element| is_of(*element as usize))
     }
 
     pub(super) fn resize(&mut self, elements: usize) {

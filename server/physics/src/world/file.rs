@@ -211,6 +211,16 @@ mod tests {
     use std::ops::Range;
     use std::panic::catch_unwind;
 
+    /// A world in which all is in play, and the bytes of its state.
+    fn busy_state() -> (Snapshot, Vec<u8>) {
+        let mut busy = Busy::new(0);
+        busy.run(140);
+        let own = busy.world.snapshot();
+        let mut bytes = Vec::new();
+        walk::encode(&own.state, &mut bytes);
+        (own, bytes)
+    }
+
     /// As of a file that somebody has changed on purpose: without the checksum the hash of the state stands in the way.
     #[test]
     fn a_changed_byte_with_a_checksum_that_is_right_leads_to_no_other_state() {
@@ -233,11 +243,7 @@ mod tests {
 
     #[test]
     fn a_spring_of_tissue_without_nodes_or_at_a_body_that_is_not_there_is_refused() {
-        let mut busy = Busy::new(0);
-        busy.run(140);
-        let own = busy.world.snapshot();
-        let mut bytes = Vec::new();
-        walk::encode(&own.state, &mut bytes);
+        let (own, bytes) = busy_state();
         let of_springs = |what: &str| -> Vec<_> {
             let is_of =
                 |field: &String| field.starts_with("tissue") && field.contains("springs.[]") && field.ends_with(what);
@@ -259,11 +265,7 @@ mod tests {
     #[test]
     #[ignore = "slow: thousands of states, a minute"]
     fn a_state_is_completed_or_refused_whatever_stands_in_a_field() {
-        let mut busy = Busy::new(0);
-        busy.run(140);
-        let own = busy.world.snapshot();
-        let mut bytes = Vec::new();
-        walk::encode(&own.state, &mut bytes);
+        let (own, bytes) = busy_state();
         let mut by_field: BTreeMap<String, Vec<Range<usize>>> = BTreeMap::new();
         for (field, at) in places(&own.state) {
             by_field.entry(field).or_default().push(at);
@@ -292,11 +294,8 @@ mod tests {
 
     #[test]
     fn every_number_of_the_state_that_is_another_makes_another_hash() {
-        let mut busy = Busy::new(0);
-        busy.run(140);
-        let state = busy.world.snapshot().state;
-        let (mut bytes, hash) = (Vec::new(), walk::hash(&state));
-        walk::encode(&state, &mut bytes);
+        let (Snapshot { state, .. }, mut bytes) = busy_state();
+        let hash = walk::hash(&state);
         let mut by_field: BTreeMap<String, (u32, u32)> = BTreeMap::new();
         for (field, at) in places(&state) {
             let (tried, moved) = by_field.entry(field).or_default();
